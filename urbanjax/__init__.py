@@ -1,0 +1,1 @@
+"""Differentiable urban driving: from road graph to steering as one jitted JAX function."""

@@ -1,0 +1,1 @@
+"""Path selection (TSPS) and velocity planning (GVP)."""

@@ -1,0 +1,1 @@
+"""From a path and a speed to a command."""

@@ -1,0 +1,1 @@
+"""Polylines, Frenet frames, splines and boxes."""

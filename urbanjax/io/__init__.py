@@ -1,0 +1,1 @@
+"""The impure rooms: configuration, files, figures, highway-env."""

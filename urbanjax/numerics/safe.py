@@ -1,0 +1,37 @@
+"""Operations whose value *and* gradient stay finite where the plain ones do not.
+
+Each clamps its argument before the unsafe operation (the double-where idiom): a `where` after it would
+still multiply an infinite derivative by zero.
+"""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+
+def sqrt(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """sqrt(max(x, 0)) with derivative 0 at and below 0."""
+    positive = x > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1)), 0)
+
+
+def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
+    """Euclidean norm over the last axis, with derivative 0 at the zero vector."""
+    return sqrt(jnp.sum(x * x, axis=-1))
+
+
+def divide(numerator: Array, denominator: Array, otherwise: float = 0.0) -> Array:
+    """numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
+    zero = denominator == 0
+    return jnp.where(zero, otherwise, numerator / jnp.where(zero, 1, denominator))
+
+
+def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """atan2 with value and derivative 0 at the origin."""
+    origin = (x == 0) & (y == 0)
+    return jnp.where(origin, 0, jnp.arctan2(y, jnp.where(origin, 1, x)))
+
+
+def wrap_angle(angle: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """The angle in [-pi, pi), derivative 1 everywhere."""
+    return angle - 2 * jnp.pi * jnp.floor((angle + jnp.pi) / (2 * jnp.pi))

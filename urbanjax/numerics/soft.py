@@ -1,0 +1,102 @@
+"""Hard choices and their soft twins, told apart by one `Relaxation`.
+
+A choice is returned as *weights* or as a *degree* in [0, 1], and its consequences are weighted sums. In mode
+`hard` the weights are one-hot and the degree is 0 or 1, so one code path serves all modes:
+
+- `hard`: the deployed decision; piecewise constant, gradient zero through the choice.
+- `soft`: smooth in everything, so finite differences agree with its gradient; temperature -> 0 gives `hard`
+  away from ties. Meant for candidates of one homotopy class (the average of left and right is a crash).
+- `straight_through`: value of `hard`, derivative of `soft`; biased, but what deployment-like tuning wants.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from urbanjax.types import pytree, static
+
+MODES = ("hard", "soft", "straight_through")
+
+
+@pytree
+class Relaxation:
+    """How hard choices are relaxed, and how much."""
+
+    temperature: float = 0.1  # [-], multiplied by the natural scale of each choice
+    mode: str = static(default="hard")  # one of MODES
+
+
+def _combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
+    if relaxation.mode == "hard":
+        return jax.lax.stop_gradient(hard)
+    if relaxation.mode == "soft":
+        return soft
+    return jax.lax.stop_gradient(hard - soft) + soft
+
+
+def _masked(values: Array, mask: Array | None, fill: float) -> Array:
+    return values if mask is None else jnp.where(mask, values, fill)
+
+
+def choose(
+    cost: Float[Array, "*b n"],
+    relaxation: Relaxation,
+    scale: float | Float[Array, ""] = 1.0,
+    mask: Bool[Array, "*b n"] | None = None,
+) -> Float[Array, "*b n"]:
+    """Weights over the last axis, summing to 1, on the smallest cost (the first one on an exact tie).
+
+    Args: cost [.., n]; scale, the difference in cost that counts as clear; mask, what may be chosen. With nothing
+    allowed the weights fall on index 0 (hard) or are uniform (soft): the caller looks at the mask.
+    """
+    big = jnp.finfo(cost.dtype).max / 4
+    masked = _masked(cost, mask, big)
+    hard = jax.nn.one_hot(jnp.argmin(masked, axis=-1), cost.shape[-1], dtype=cost.dtype)
+    if relaxation.mode == "hard":
+        return hard
+    return _combine(hard, jax.nn.softmax(-masked / (relaxation.temperature * scale), axis=-1), relaxation)
+
+
+def above(
+    x: Float[Array, "*s"], threshold: float | Array, relaxation: Relaxation, scale: float | Array = 1.0
+) -> Float[Array, "*s"]:
+    """Degree in [0, 1] to which x > threshold. Args: scale, the margin that counts as clear, in the unit of x."""
+    hard = (x > threshold).astype(x.dtype)
+    if relaxation.mode == "hard":
+        return hard
+    return _combine(hard, jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)), relaxation)
+
+
+def minimum(
+    values: Float[Array, "*b n"],
+    relaxation: Relaxation,
+    scale: float | Array = 1.0,
+    mask: Bool[Array, "*b n"] | None = None,
+    fill: float = 1e6,
+) -> Float[Array, "*b"]:
+    """The minimum over the last axis, or -T log sum exp(-values / T), a lower bound within T log n.
+
+    `fill` stands in for masked entries, and is the value when all are masked.
+    """
+    masked = _masked(values, mask, fill)
+    hard = jnp.min(masked, axis=-1)
+    if relaxation.mode == "hard":
+        return hard
+    t = relaxation.temperature * scale
+    return _combine(hard, -t * jax.nn.logsumexp(-masked / t, axis=-1), relaxation)
+
+
+def both(a: Array, b: Array) -> Array:
+    """Degree of (a and b)."""
+    return a * b
+
+
+def either(a: Array, b: Array) -> Array:
+    """Degree of (a or b)."""
+    return a + b - a * b
+
+
+def negate(a: Array) -> Array:
+    """Degree of (not a)."""
+    return 1 - a

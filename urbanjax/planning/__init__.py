@@ -1,0 +1,1 @@
+"""Prediction, macro and micro motion planning."""

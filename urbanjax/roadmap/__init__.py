@@ -1,0 +1,1 @@
+"""The road graph: build, locate, route, extend."""

@@ -1,0 +1,25 @@
+"""Typed errors: raised at the edge, never inside jit. Each message names the key or file and the remedy."""
+
+
+class UrbanJaxError(Exception):
+    """Base of every error that urbanjax raises on purpose."""
+
+
+class ConfigError(UrbanJaxError):
+    """A configuration key or value is wrong."""
+
+
+class RoadError(UrbanJaxError):
+    """A road network is empty, inconsistent or not finite."""
+
+
+class RouteError(UrbanJaxError):
+    """A route cannot be planned: a goal, start or via-point is unknown or unreachable."""
+
+
+class ScenarioError(UrbanJaxError):
+    """A scenario, observation or simulation input is out of range."""
+
+
+class FileError(UrbanJaxError):
+    """A file is missing, truncated or not what its name says."""
