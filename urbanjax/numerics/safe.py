@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 
 def sqrt(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """sqrt(max(x, 0)) with derivative 0 at and below 0."""
+    """Square root of max(x, 0), with derivative 0 at and below 0."""
     positive = x > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1)), 0)
 
@@ -21,7 +21,7 @@ def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
 
 
 def divide(numerator: Array, denominator: Array, otherwise: float = 0.0) -> Array:
-    """numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
+    """Numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
     zero = denominator == 0
     return jnp.where(zero, otherwise, numerator / jnp.where(zero, 1, denominator))
 

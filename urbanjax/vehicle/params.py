@@ -1,0 +1,23 @@
+"""The vehicle's dimensions and limits."""
+
+from urbanjax.types import pytree
+
+
+@pytree
+class VehicleParams:
+    """A mid-size car; the reference point is the centre of the rear axle."""
+
+    wheelbase: float = 2.8  # m
+    length: float = 4.7  # m
+    width: float = 1.9  # m
+    rear_overhang: float = 0.95  # m, from the rear axle to the rear bumper
+    max_acceleration: float = 2.5  # m/s^2
+    max_deceleration: float = 6.0  # m/s^2, positive
+    max_steering: float = 0.6  # rad, at the road wheels
+    max_steering_rate: float = 0.8  # rad/s
+    max_speed: float = 40.0  # m/s
+
+    @property
+    def centre_offset(self) -> float:
+        """Distance from the rear axle forward to the centre of the box, in metres."""
+        return self.length / 2 - self.rear_overhang
