@@ -1,0 +1,38 @@
+"""Quintic polynomials between two states, in closed form."""
+
+import jax.numpy as jnp
+from jax import Array
+
+
+def quintic(
+    start: tuple[Array, Array, Array], end: tuple[Array, Array, Array], duration: Array
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Coefficients a0..a5 of the quintic that meets both states (Eq. 17-18 with t_s = 0, solved by hand).
+
+    The printed 6x6 inverse in absolute time is ill-conditioned; this form is exact in a few operations.
+    Args: start, end: value, first and second derivative, elementwise of any equal shape; duration > 0.
+    """
+    x0, v0, a0 = start
+    x1, v1, a1 = end
+    t = duration
+    d = x1 - x0 - v0 * t - 0.5 * a0 * t * t
+    v = (v1 - v0 - a0 * t) * t
+    a = (a1 - a0) * t * t
+    return (
+        x0,
+        v0,
+        0.5 * a0,
+        (10 * d - 4 * v + 0.5 * a) / t**3,
+        (-15 * d + 7 * v - a) / t**4,
+        (6 * d - 3 * v + 0.5 * a) / t**5,
+    )
+
+
+def evaluate(coefficients: tuple[Array, ...], t: Array) -> tuple[Array, Array, Array]:
+    """Value, first and second derivative of a polynomial at t, elementwise (Eq. 16, by Horner's rule)."""
+    value = first = second = jnp.zeros_like(t)
+    for c in reversed(coefficients):
+        second = second * t + 2 * first
+        first = first * t + value
+        value = value * t + c
+    return value, first, second
