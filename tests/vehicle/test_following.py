@@ -1,0 +1,73 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.vehicle.following import (
+    HeadwayParams,
+    IDMParams,
+    constant_headway_speed,
+    desired_gap,
+    free_acceleration,
+    highway_idm,
+    idm_acceleration,
+)
+
+
+def test_equals_highway_env():
+    behavior = pytest.importorskip("highway_env.vehicle.behavior")
+    road_module = pytest.importorskip("highway_env.road.road")
+    network = road_module.RoadNetwork.straight_road_network(1, speed_limit=30)
+    road = road_module.Road(network, np_random=np.random.RandomState(0))
+    rng = np.random.default_rng(1)
+    with jax.enable_x64(True):
+        for _ in range(200):
+            speed, wanted, front = rng.uniform(0, 40), rng.uniform(1, 40), rng.uniform(0, 40)
+            distance = rng.uniform(0.2, 150)
+            ego = behavior.IDMVehicle(road, [10.0, 0.0], 0.0, speed, target_speed=wanted)
+            leader = behavior.IDMVehicle(road, [10.0 + distance, 0.0], 0.0, front)
+            limited = min(wanted, 30.0)
+            arrays = [jnp.asarray(x) for x in (speed, limited, distance, front)]
+            found = idm_acceleration(*arrays, highway_idm())
+            wanted_gap = desired_gap(arrays[0], arrays[3], highway_idm())
+            np.testing.assert_allclose(found, ego.acceleration(ego, leader), rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(free_acceleration(*arrays[:2], highway_idm()), ego.acceleration(ego), atol=1e-6)
+            np.testing.assert_allclose(wanted_gap, ego.desired_gap(ego, leader), atol=1e-6)
+
+
+@pytest.mark.parametrize("speed", [0.0, 5.0, 12.0])
+def test_equilibrium_gap_is_the_textbook_one(speed):
+    with jax.enable_x64(True):
+        params = IDMParams()
+        gap = (params.jam_distance + speed * params.time_headway) / np.sqrt(1 - (speed / 14.0) ** 4)
+        arrays = [jnp.asarray(x) for x in (speed, 14.0, gap, speed)]
+        np.testing.assert_allclose(idm_acceleration(*arrays, params), 0.0, atol=1e-9)
+
+
+def test_free_road_and_touching():
+    wide, touching = jnp.asarray(1e6), jnp.asarray(-1.0)
+    ten, zero = jnp.asarray(10.0), jnp.asarray(0.0)
+    assert abs(idm_acceleration(ten, ten, wide, ten, IDMParams())) < 1e-4
+    assert idm_acceleration(ten, ten, touching, zero, IDMParams()) < -100
+
+
+def test_gradient_is_finite_on_degenerate_input():
+    def total(x, params):
+        return idm_acceleration(x[0], x[1], x[2], x[3], params)
+
+    for x in ([0.0, 0.0, 0.0, 0.0], [10.0, 0.0, 1e6, 0.0], [0.0, 14.0, -3.0, 5.0]):
+        gradient, to_params = jax.grad(total, argnums=(0, 1))(jnp.asarray(x), IDMParams())
+        assert np.all(np.isfinite(gradient))
+        assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(to_params))
+
+
+def test_constant_headway_known_answers():
+    params = HeadwayParams(time_headway=1.0, jam_distance=2.0, time_constant=2.0)
+
+    def speed(v, gap, front, cap=20.0):
+        return float(constant_headway_speed(*(jnp.asarray(x) for x in (v, gap, front, cap)), params))
+
+    assert speed(10.0, 12.0, 10.0) == 10.0  # at the wanted gap: the front vehicle's speed
+    assert speed(10.0, 16.0, 10.0) == 12.0
+    assert speed(10.0, 1e6, 10.0) == 20.0  # free: the cap
+    assert speed(10.0, 0.0, 0.0) == 0.0

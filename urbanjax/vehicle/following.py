@@ -1,0 +1,89 @@
+"""Car following: what a driver does behind a front vehicle, as an acceleration (IDM) or as a speed."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.types import pytree, static
+from urbanjax.vehicle.limits import MIN_SPEED
+
+MIN_GAP = 0.1  # m, a smaller or negative gap counts as this one
+
+
+@pytree
+class IDMParams:
+    """Intelligent driver model (Treiber, Hennecke, Helbing 2000); gaps are bumper to bumper."""
+
+    acceleration: float = 1.5  # m/s^2, from standstill on a free road
+    deceleration: float = 2.0  # m/s^2, comfortable braking, positive
+    time_headway: float = 1.2  # s
+    jam_distance: float = 2.0  # m
+    exponent: float = 4.0  # [-]
+    floored: bool = static(default=True)  # the desired gap is never below the jam distance (False: as highway-env)
+
+
+@pytree
+class HeadwayParams:
+    """Constant time headway."""
+
+    time_headway: float = 1.2  # s
+    jam_distance: float = 3.0  # m
+    time_constant: float = 1.5  # s, in which a gap error is to be closed
+
+
+def highway_idm() -> IDMParams:
+    """The parameters of highway-env's `IDMVehicle`, whose gaps are centre to centre."""
+    return IDMParams(3.0, 5.0, 1.5, 10.0, 4.0, floored=False)
+
+
+def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], params: IDMParams) -> Float[Array, "*b"]:
+    """Gap that IDM wants [m], s0 + v T + v (v - v_f) / (2 sqrt(a b))."""
+    closing = speed * (speed - front_speed) / (2 * jnp.sqrt(params.acceleration * params.deceleration))
+    dynamic = speed * params.time_headway + closing
+    return params.jam_distance + (jnp.maximum(dynamic, 0.0) if params.floored else dynamic)
+
+
+def free_acceleration(
+    speed: Float[Array, "*b"], desired_speed: Float[Array, "*b"], params: IDMParams
+) -> Float[Array, "*b"]:
+    """IDM's acceleration on a free road [m/s^2], a (1 - (v / v_0)^exponent)."""
+    # The floor keeps the logarithm inside the power, and its derivative, finite at standstill.
+    ratio = jnp.maximum(speed / jnp.maximum(jnp.abs(desired_speed), MIN_SPEED), 1e-4)
+    return params.acceleration * (1 - ratio**params.exponent)
+
+
+def interaction(
+    speed: Float[Array, "*b"], gap: Float[Array, "*b"], front_speed: Float[Array, "*b"], params: IDMParams
+) -> Float[Array, "*b"]:
+    """IDM's braking for a front vehicle [m/s^2], a (s* / s)^2, not negative; about 0 for a gap of 1e6 m."""
+    ratio = desired_gap(speed, front_speed, params) / jnp.maximum(gap, MIN_GAP)
+    return params.acceleration * ratio * ratio
+
+
+def idm_acceleration(
+    speed: Float[Array, "*b"],
+    desired_speed: Float[Array, "*b"],
+    gap: Float[Array, "*b"],
+    front_speed: Float[Array, "*b"],
+    params: IDMParams,
+) -> Float[Array, "*b"]:
+    """IDM acceleration [m/s^2], unlimited from below; without a front vehicle pass a gap of 1e6 m.
+
+    Equal to highway-env's `IDMVehicle.acceleration` with `highway_idm()`, where the gap is measured centre to centre.
+    """
+    return free_acceleration(speed, desired_speed, params) - interaction(speed, gap, front_speed, params)
+
+
+def constant_headway_speed(
+    speed: Float[Array, "*b"],
+    gap: Float[Array, "*b"],
+    front_speed: Float[Array, "*b"],
+    cap: Float[Array, "*b"],
+    params: HeadwayParams,
+) -> Float[Array, "*b"]:
+    """Speed to drive behind a front vehicle [m/s], clip(v_f + (gap - s0 - T_h v) / t_c, 0, cap).
+
+    These are v_T and v_E of Eq. 28, which the paper leaves open. Without a front vehicle pass a gap of 1e6 m.
+    """
+    error = gap - params.jam_distance - params.time_headway * speed
+    return jnp.clip(front_speed + error / params.time_constant, 0.0, cap)

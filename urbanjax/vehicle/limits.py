@@ -1,0 +1,41 @@
+"""Speeds that physics, comfort and the road permit."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import safe
+
+MIN_SPEED = 1e-2  # m/s, below which a limit is as good as zero
+
+
+def curve_speed(
+    curvature: Float[Array, "*b"], lateral_acceleration: float | Array, cap: float | Array
+) -> Float[Array, "*b"]:
+    """Highest speed in a curve [m/s], min(cap, sqrt(a_lat / |kappa|)); the cap on a straight road."""
+    bound = jnp.maximum(cap, MIN_SPEED)
+    return jnp.sqrt(lateral_acceleration / jnp.maximum(jnp.abs(curvature), lateral_acceleration / (bound * bound)))
+
+
+def stop_speed(
+    distance: Float[Array, "*b"], deceleration: float | Array, reaction_time: float | Array = 0.0
+) -> Float[Array, "*b"]:
+    """Speed from which one can stop within `distance` m [m/s], 0 at and behind the stop.
+
+    Solves d = v t_r + v^2 / (2 a). A reaction time above 0 bounds the derivative at the stop by 1 / t_r, where the
+    plain square root would be infinitely steep; `safe` cuts it to 0 there.
+    """
+    delay = deceleration * reaction_time
+    return safe.sqrt(delay * delay + 2 * deceleration * jnp.maximum(distance, 0.0)) - delay
+
+
+def approach_speed(
+    distance: Float[Array, "*b"], target_speed: Float[Array, "*b"], deceleration: float | Array
+) -> Float[Array, "*b"]:
+    """Speed from which one can reach `target_speed` within `distance` m [m/s], sqrt(v^2 + 2 a d)."""
+    return safe.sqrt(target_speed * target_speed + 2 * deceleration * jnp.maximum(distance, 0.0))
+
+
+def stopping_distance(speed: Float[Array, "*b"], deceleration: float | Array) -> Float[Array, "*b"]:
+    """Distance covered while braking to standstill [m], v^2 / (2 a)."""
+    return speed * speed / (2 * deceleration)

@@ -1,0 +1,75 @@
+"""How a vehicle moves: the kinematic bicycle on the rear axle, and highway-env's on the centre."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.types import Command, VehicleState
+from urbanjax.vehicle.params import VehicleParams
+
+
+def bicycle_step(
+    state: VehicleState, command: Command, params: VehicleParams, dt: float | Float[Array, ""]
+) -> VehicleState:
+    """State after `dt` s of the kinematic bicycle, without slip, about the rear axle.
+
+    The command is limited first: acceleration, steering rate, steering angle, speed in [0, max] (no reversing). The
+    position is exact for the curvature held over the step; the distance is the mean of both speeds times dt. The
+    returned acceleration and steering are those that took effect.
+    """
+    turned = jnp.clip(command.steering - state.steering, -params.max_steering_rate * dt, params.max_steering_rate * dt)
+    steering = jnp.clip(state.steering + turned, -params.max_steering, params.max_steering)
+    acceleration = jnp.clip(command.acceleration, -params.max_deceleration, params.max_acceleration)
+    speed = jnp.clip(state.speed + acceleration * dt, 0.0, params.max_speed)
+    distance = 0.5 * (state.speed + speed) * dt
+    turn = distance * jnp.tan(steering) / params.wheelbase
+    middle = state.heading + 0.5 * turn
+    step = jnp.stack([jnp.cos(middle), jnp.sin(middle)], axis=-1) * (distance * _sinc(0.5 * turn))[..., None]
+    return VehicleState(
+        position=state.position + step,
+        heading=state.heading + turn,
+        speed=speed,
+        acceleration=(speed - state.speed) / dt,
+        steering=steering,
+    )
+
+
+def _sinc(x: Array) -> Array:
+    """Sin(x) / x, with a derivative that stays accurate towards 0."""
+    small = jnp.abs(x) < 0.3
+    square = jnp.where(small, x * x, 0.0)
+    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
+    away = jnp.where(small, 1.0, x)
+    return jnp.where(small, series, jnp.sin(away) / away)
+
+
+def highway_step(
+    centre: Float[Array, "*b 2"],
+    heading: Float[Array, "*b"],
+    speed: Float[Array, "*b"],
+    acceleration: Float[Array, "*b"],
+    steering: Float[Array, "*b"],
+    dt: float,
+    length: float = 5.0,
+    max_speed: float = 40.0,
+) -> tuple[Float[Array, "*b 2"], Float[Array, "*b"], Float[Array, "*b"]]:
+    """Centre [m], heading [rad] and speed [m/s] after one explicit Euler step of highway-env's `Vehicle.step`.
+
+    Its reference point is the centre, its axles stand half a length before and behind, and speed is limited softly
+    through the acceleration only. Impacts after a collision are not modelled.
+    """
+    limited = jnp.where(speed > max_speed, jnp.minimum(acceleration, max_speed - speed), acceleration)
+    limited = jnp.where(speed < -max_speed, jnp.maximum(acceleration, -max_speed - speed), limited)
+    slip = jnp.arctan(0.5 * jnp.tan(steering))
+    course = jnp.stack([jnp.cos(heading + slip), jnp.sin(heading + slip)], axis=-1)
+    return (
+        centre + speed[..., None] * course * dt,
+        heading + speed * jnp.sin(slip) / (length / 2) * dt,
+        speed + limited * dt,
+    )
+
+
+def box_centre(state: VehicleState, params: VehicleParams) -> Float[Array, "*b 2"]:
+    """Centre of the vehicle's box, [.., 2] m."""
+    forward = jnp.stack([jnp.cos(state.heading), jnp.sin(state.heading)], axis=-1)
+    return state.position + params.centre_offset * forward
