@@ -32,7 +32,7 @@ def _combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
         return jax.lax.stop_gradient(hard)
     if relaxation.mode == "soft":
         return soft
-    return jax.lax.stop_gradient(hard - soft) + soft
+    return jax.lax.stop_gradient(hard) + (soft - jax.lax.stop_gradient(soft))
 
 
 def _masked(values: Array, mask: Array | None, fill: float) -> Array:
@@ -50,12 +50,13 @@ def choose(
     Args: cost [.., n]; scale, the difference in cost that counts as clear; mask, what may be chosen. With nothing
     allowed the weights fall on index 0 (hard) or are uniform (soft): the caller looks at the mask.
     """
-    big = jnp.finfo(cost.dtype).max / 4
-    masked = _masked(cost, mask, big)
-    hard = jax.nn.one_hot(jnp.argmin(masked, axis=-1), cost.shape[-1], dtype=cost.dtype)
+    big = float(jnp.finfo(cost.dtype).max) / 4
+    hard = jax.nn.one_hot(jnp.argmin(_masked(cost, mask, big), axis=-1), cost.shape[-1], dtype=cost.dtype)
     if relaxation.mode == "hard":
         return hard
-    return _combine(hard, jax.nn.softmax(-masked / (relaxation.temperature * scale), axis=-1), relaxation)
+    # Masked after the division, which would overflow and leave no finite derivative by the temperature.
+    logits = _masked(-cost / (relaxation.temperature * scale), mask, -big)
+    return _combine(hard, jax.nn.softmax(logits, axis=-1), relaxation)
 
 
 def above(

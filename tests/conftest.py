@@ -1,0 +1,50 @@
+"""Strict mode for the whole suite: checked shapes, no silent rank promotion; warnings are errors (pyproject.toml)."""
+
+import os
+from pathlib import Path
+
+# Tests marked gpu run with JAX_PLATFORMS=cuda,cpu; everything else is a claim about the CPU.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+from jaxtyping import install_import_hook
+
+install_import_hook("urbanjax", "beartype.beartype")
+
+import jax  # noqa: E402
+import pytest  # noqa: E402
+
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    no_slow = not config.getoption("--slow") and "slow" not in config.getoption("markexpr")
+    left_out = [item for item in items if no_slow and item.get_closest_marker("slow")]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    if any(item.get_closest_marker("gpu") for item in items) and jax.default_backend() == "cpu":
+        for item in items:
+            if item.get_closest_marker("gpu"):
+                item.add_marker(pytest.mark.skip(reason="no accelerator (run with JAX_PLATFORMS=cuda,cpu)"))
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The folder of real data: $URBANJAX_DATA, or shared/data beside the repository."""
+    path = Path(os.environ.get("URBANJAX_DATA", REPOSITORY.parent / "shared" / "data"))
+    if not path.is_dir():
+        pytest.skip(f"no data at {path} (set URBANJAX_DATA)")
+    return path
+
+
+@pytest.fixture
+def x64():
+    """Double precision for one test."""
+    with jax.enable_x64(True):
+        yield
