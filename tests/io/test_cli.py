@@ -1,0 +1,95 @@
+"""The command line as a user types it: one line for a mistake, every value shown, presets from files."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import REPOSITORY
+
+PROGRAM = """
+from urbanjax.io import cli
+from urbanjax.types import ScenarioError, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class Toy:
+    vehicle: VehicleParams = VehicleParams()
+    grid: tuple[float, ...] = (0.0, 1.0)
+    seed: int = static(default=0)
+    fail: bool = static(default=False)
+
+
+@cli.experiment("toy", Toy)
+def main(params, run):
+    run.summary({"length_m": params.vehicle.length, "ttc_s": float("inf")})
+    if params.fail:
+        raise ScenarioError("the scene\\nis empty")
+
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    root = tmp_path_factory.mktemp("toy")
+    (root / "experiments").mkdir()
+    (root / "experiments" / "toy.py").write_text(PROGRAM)
+    presets = root / "configs" / "toy" / "preset"
+    presets.mkdir(parents=True)
+    (presets / "short.yaml").write_text("# @package _global_\nvehicle:\n  length: 3\n")
+    (presets / "wrong.yaml").write_text("# @package _global_\nvehicle:\n  lenght: 3\n")
+    return root
+
+
+def run(home, *arguments):
+    command = [sys.executable, "-m", "experiments.toy", *arguments]
+    environment = {"PYTHONPATH": f"{home}:{REPOSITORY}", "JAX_PLATFORMS": "cpu", "PATH": "/usr/bin:/bin"}
+    return subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_cfg_job_shows_every_value(home):
+    done = run(home, "--cfg", "job")
+    assert done.returncode == 0, done.stderr
+    assert "wheelbase: 2.8" in done.stdout
+    assert "seed: 0" in done.stdout
+
+
+def test_a_run_ends_with_its_directory_and_manifest(home):
+    done = run(home, "preset=short", "hydra.run.dir=outputs/one")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "run directory: outputs/one"
+    manifest = json.loads((home / "outputs/one/manifest.json").read_text())
+    assert manifest["status"] == "complete"
+    assert manifest["seed"] == 0
+    assert manifest["config"]["vehicle"]["length"] == 3
+    assert json.loads((home / "outputs/one/summary.json").read_text()) == {"length_m": 3.0, "ttc_s": None}
+
+
+@pytest.mark.parametrize(
+    ("argument", "message"),
+    [
+        (
+            "vehcle.lenght=1",
+            "unknown key 'vehcle.lenght' on the command line; the nearest valid key is 'vehicle.length'",
+        ),
+        ("+vehicle.lenght=1", "unknown key 'vehicle.lenght'; the nearest valid key is 'vehicle.length'"),
+        ("preset=wrong", "unknown key 'vehicle.lenght' in configs/toy/preset/wrong.yaml; the nearest"),
+        ("+vehicle._target_=os.system", "'vehicle._target_' is refused"),
+        ("vehicle.length=nan", "must be a finite number, not nan"),
+        ("seed=-1", "'seed' must be at least 0"),
+        ("grid=[]", "must not be empty"),
+        ("grid=[1", "no viable alternative"),
+        ("fail=true", "the scene is empty"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_two(home, argument, message):
+    done = run(home, argument)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,177 @@
+"""From the params classes to a config, and from a config back to checked params.
+
+A default lives in its params class only. `schema` turns a class into nested plain values (what Hydra shows and
+overrides), `to_params` turns such values back into the class and refuses whatever the class does not say.
+"""
+
+import dataclasses
+import difflib
+import enum
+import math
+import typing
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from urbanjax.types import ConfigError
+
+T = TypeVar("T")
+FORBIDDEN = "_target_"  # a config names values, never code
+
+
+def default_of(spec: dataclasses.Field) -> Any:
+    """The default of one field. Raises ConfigError when its class gives none."""
+    if spec.default is not dataclasses.MISSING:
+        return spec.default
+    if spec.default_factory is not dataclasses.MISSING:
+        return spec.default_factory()
+    raise ConfigError(f"parameter '{spec.name}' has no default in its params class")
+
+
+def schema(params_class: type) -> dict[str, Any]:
+    """Nested dict of the defaults of `params_class`, in plain values that YAML can hold."""
+    return {spec.name: _plain(default_of(spec)) for spec in dataclasses.fields(params_class)}
+
+
+def plain(params: Any) -> dict[str, Any]:
+    """Nested dict of the values of `params` (Python numbers), the inverse of `to_params`."""
+    return {spec.name: _plain(getattr(params, spec.name)) for spec in dataclasses.fields(params)}
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return {spec.name: _plain(getattr(value, spec.name)) for spec in dataclasses.fields(value)}
+    if isinstance(value, enum.Enum):
+        return value.name.lower()
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return value.tolist()
+
+
+def keys(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Dotted names of all groups and values of a nested config."""
+    for name, value in tree.items():
+        yield f"{prefix}{name}"
+        if isinstance(value, Mapping):
+            yield from keys(value, f"{prefix}{name}.")
+
+
+def nearest(key: str, valid: Iterable[str]) -> str:
+    """The valid dotted key that looks most like `key`, as a clause for a message; empty when there is none."""
+    valid = list(valid)
+    last = [name for name in valid if name.rpartition(".")[2] == key.rpartition(".")[2]]
+    found = difflib.get_close_matches(key, last or valid, n=1, cutoff=0.0)
+    return f"; the nearest valid key is '{found[0]}'" if found else ""
+
+
+def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], source: str = "", prefix: str = "") -> None:
+    """Raise ConfigError for the first key of `config` that `valid` does not have, with the nearest one that it has.
+
+    Args: source, the file or command that the config came from; prefix, dotted path of both mappings.
+    """
+    root = list(keys(valid, prefix))
+    where = f" in {source}" if source else ""
+    for name, value in config.items():
+        key = f"{prefix}{name}"
+        if name == FORBIDDEN:
+            raise ConfigError(f"key '{key}'{where} is refused: a config names values, never code")
+        if name not in valid:
+            raise ConfigError(f"unknown key '{key}'{where}{nearest(key, root)}")
+        if isinstance(value, Mapping) and isinstance(valid[name], Mapping):
+            check_keys(value, valid[name], source, f"{key}.")
+
+
+def to_params(params_class: type[T], config: Mapping[str, Any], prefix: str = "", source: str = "") -> T:
+    """An instance of `params_class` with the values of `config`; what it leaves out keeps its default.
+
+    Args: config, nested plain values; prefix, dotted path of `config` for messages (ends in a dot); source, the
+    file it came from. Raises ConfigError in one line for an unknown key (with the nearest valid one), a wrong
+    type, a non-finite number, a negative size, a value out of the field's range and an empty grid.
+    """
+    check_keys(config, schema(params_class), source, prefix)
+    specs = {spec.name: spec for spec in dataclasses.fields(params_class)}
+    values = {
+        name: _convert(specs[name], default_of(specs[name]), value, f"{prefix}{name}", source)
+        for name, value in config.items()
+    }
+    return params_class(**values)
+
+
+def _convert(spec: dataclasses.Field, default: Any, value: Any, key: str, source: str) -> Any:
+    if dataclasses.is_dataclass(default):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"'{key}' is a group of values, not {value!r}")
+        return _nested(default, value, key, source)
+    if isinstance(default, enum.Enum):
+        return _member(type(default), value, key)
+    if isinstance(default, tuple):
+        return _grid(default, value, key, spec.metadata)
+    if value is None and (default is None or type(None) in typing.get_args(spec.type)):
+        return None
+    return _scalar(default, value, key, _choices(spec), spec.metadata.get("range"))
+
+
+def _nested(default: Any, value: Mapping[str, Any], key: str, source: str) -> Any:
+    # A parent may hold a child with other values than the child's own defaults: those stand where nothing is said.
+    merged = {**plain(default), **value}
+    return to_params(type(default), merged, f"{key}.", source)
+
+
+def _member(kind: type[enum.Enum], value: Any, key: str) -> enum.Enum:
+    names = {member.name.lower(): member for member in kind}
+    if not isinstance(value, str) or value.lower() not in names:
+        raise ConfigError(f"'{key}' must be one of {', '.join(names)}, not {value!r}")
+    return names[value.lower()]
+
+
+def _grid(default: tuple, value: Any, key: str, metadata: Mapping[str, Any]) -> tuple:
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"'{key}' must be a list, not {value!r}")
+    if not value:
+        raise ConfigError(f"'{key}' must not be empty")
+    first = default[0] if default else 0.0
+    free = -1.0 if isinstance(first, float) else first  # elements of a grid may be negative
+    return tuple(_scalar(free, item, f"{key}[{i}]", None, metadata.get("range")) for i, item in enumerate(value))
+
+
+def _scalar(default: Any, value: Any, key: str, choices: tuple | None, limits: tuple | None) -> Any:
+    if choices and value not in choices:
+        raise ConfigError(f"'{key}' must be one of {', '.join(map(str, choices))}, not {value!r}")
+    if isinstance(default, bool):
+        return _expect(isinstance(value, bool), value, key, "true or false")
+    if isinstance(default, str):
+        return _expect(isinstance(value, str), value, key, "a text")
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(default, int):
+        _expect(number and float(value).is_integer(), value, key, "a whole number")
+        value = int(value)
+    elif isinstance(default, float) or (default is None and number):
+        _expect(number and math.isfinite(value), value, key, "a finite number")
+        value = float(value)
+    else:
+        return value
+    low, high = limits or (_lowest(default), math.inf)
+    if not low <= value <= high:
+        bound = f"at least {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
+        raise ConfigError(f"'{key}' must be {bound}, not {value!r}")
+    return value
+
+
+def _expect(condition: bool, value: Any, key: str, kind: str) -> Any:
+    if not condition:
+        raise ConfigError(f"'{key}' must be {kind}, not {value!r}")
+    return value
+
+
+def _lowest(default: float | int | None) -> float | int:
+    """Sizes and magnitudes (a positive default) are not negative; a count that is at least 1 stays so."""
+    if isinstance(default, int):
+        return 1 if default >= 1 else 0
+    return 0.0 if default is not None and default > 0.0 else -math.inf
+
+
+def _choices(spec: dataclasses.Field) -> tuple | None:
+    if typing.get_origin(spec.type) is typing.Literal:
+        return typing.get_args(spec.type)
+    return spec.metadata.get("choices")
