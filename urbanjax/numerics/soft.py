@@ -27,7 +27,8 @@ class Relaxation:
     mode: str = static(default="hard")  # one of MODES
 
 
-def _combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
+def combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
+    """What the mode makes of a decision and its smooth twin, of equal shapes; `hard` passes no gradient."""
     if relaxation.mode == "hard":
         return jax.lax.stop_gradient(hard)
     if relaxation.mode == "soft":
@@ -56,7 +57,7 @@ def choose(
         return hard
     # Masked after the division, which would overflow and leave no finite derivative by the temperature.
     logits = _masked(-cost / (relaxation.temperature * scale), mask, -big)
-    return _combine(hard, jax.nn.softmax(logits, axis=-1), relaxation)
+    return combine(hard, jax.nn.softmax(logits, axis=-1), relaxation)
 
 
 def above(
@@ -66,7 +67,7 @@ def above(
     hard = (x > threshold).astype(x.dtype)
     if relaxation.mode == "hard":
         return hard
-    return _combine(hard, jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)), relaxation)
+    return combine(hard, jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)), relaxation)
 
 
 def minimum(
@@ -85,7 +86,7 @@ def minimum(
     if relaxation.mode == "hard":
         return hard
     t = relaxation.temperature * scale
-    return _combine(hard, -t * jax.nn.logsumexp(-masked / t, axis=-1), relaxation)
+    return combine(hard, -t * jax.nn.logsumexp(-masked / t, axis=-1), relaxation)
 
 
 def both(a: Array, b: Array) -> Array:
