@@ -1,0 +1,77 @@
+"""Controllers: known answers and limits."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.control.longitudinal import LongitudinalParams, accelerate
+from urbanjax.control.pure_pursuit import PurePursuitParams, look_ahead, steer
+from urbanjax.types import Command, Path, VehicleState
+from urbanjax.vehicle.model import bicycle_step
+from urbanjax.vehicle.params import VehicleParams
+
+VEHICLE, PURSUIT, TRACKING = VehicleParams(), PurePursuitParams(), LongitudinalParams()
+
+
+def state(x=0.0, y=0.0, heading=0.0, speed=8.0):
+    zero = jnp.zeros(())
+    return VehicleState(jnp.array([x, y]), jnp.asarray(heading), jnp.asarray(speed), zero, zero)
+
+
+def path(points):
+    points = jnp.asarray(points)
+    zero = jnp.zeros(points.shape[0])
+    return Path(station=jnp.arange(points.shape[0]) * 1.0, offset=zero, position=points, heading=zero, curvature=zero)
+
+
+def circle(radius, n=60):
+    angle = jnp.linspace(0, 1.2, n)
+    return path(radius * jnp.stack([jnp.sin(angle), 1 - jnp.cos(angle)], axis=1))
+
+
+@pytest.mark.parametrize("radius", [15.0, 40.0, -25.0])
+def test_arc_gives_the_arc_s_steering(radius):
+    expected = np.arctan(VEHICLE.wheelbase / radius)
+    assert float(steer(circle(radius), state(), PURSUIT, VEHICLE)) == pytest.approx(expected, rel=2e-2)
+
+
+def test_straight_path_keeps_the_wheel_straight_and_offset_turns_towards_it():
+    straight = path(np.stack([np.arange(60.0), np.zeros(60)], axis=1))
+    assert float(steer(straight, state(), PURSUIT, VEHICLE)) == pytest.approx(0, abs=1e-6)
+    assert float(steer(straight, state(y=1.0), PURSUIT, VEHICLE)) < 0
+
+
+def test_converges_onto_a_line():
+    line = path(np.stack([np.arange(120.0), np.zeros(120)], axis=1))
+
+    def body(s, _):
+        ahead = line.replace(position=line.position + jnp.stack([s.position[0], jnp.zeros(())])[None, :])
+        command = Command(jnp.zeros(()), steer(ahead, s, PURSUIT, VEHICLE))
+        return bicycle_step(s, command, VEHICLE, 0.1), s.position[1]
+
+    _, lateral = jax.lax.scan(body, state(y=2.0), length=80)
+    assert abs(float(lateral[-1])) < 0.02
+    assert float(lateral.min()) > -0.4
+
+
+def test_look_ahead_is_measured_along_the_path():
+    bent = path([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
+    np.testing.assert_allclose(look_ahead(bent, jnp.asarray(5.0)), [3.0, 2.0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("reference", "expected"), [(8.3, 0.5), (30.0, 2.0), (0.0, -4.0)])
+def test_speed_tracking_is_proportional_and_limited(reference, expected):
+    a = accelerate(jnp.asarray(8.0), jnp.asarray(reference), jnp.asarray(0.0), TRACKING, VEHICLE)
+    assert float(a) == pytest.approx(expected, rel=1e-5)
+
+
+def test_emergency_brakes_fully():
+    a = accelerate(jnp.asarray(8.0), jnp.asarray(20.0), jnp.asarray(1.0), TRACKING, VEHICLE)
+    assert float(a) == pytest.approx(-VEHICLE.max_deceleration)
+
+
+def test_finite_gradient_on_a_degenerate_path():
+    still = path(np.zeros((10, 2)))
+    gradient = jax.grad(lambda x: steer(still, state(x=x), PURSUIT, VEHICLE))(0.0)
+    assert np.isfinite(gradient)

@@ -1,0 +1,32 @@
+"""Longitudinal control: from a reference speed to an acceleration."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.types import pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class LongitudinalParams:
+    """First-order tracking of the reference speed within comfortable limits."""
+
+    time_constant: float = 0.6  # s
+    comfort_acceleration: float = 2.0  # m/s^2
+    comfort_deceleration: float = 4.0  # m/s^2, positive
+
+
+def accelerate(
+    speed: Float[Array, ""],
+    reference: Float[Array, ""],
+    emergency: Float[Array, ""],
+    params: LongitudinalParams,
+    vehicle: VehicleParams,
+) -> Float[Array, ""]:
+    """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1."""
+    upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
+    lower = -jnp.minimum(params.comfort_deceleration, vehicle.max_deceleration)
+    tracking = jnp.clip((reference - speed) / params.time_constant, lower, upper)
+    braking = jnp.clip(-speed / params.time_constant, -vehicle.max_deceleration, 0.0)
+    return (1 - emergency) * tracking + emergency * braking

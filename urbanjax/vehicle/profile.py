@@ -1,0 +1,34 @@
+"""The speed that a vehicle would drive along a path with nobody in front."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import safe
+from urbanjax.types import pytree
+
+
+@pytree
+class ProfileParams:
+    """How briskly a free-flow profile changes its speed."""
+
+    acceleration: float = 1.5  # m/s^2
+    deceleration: float = 2.0  # m/s^2, positive
+    floor: float = 0.5  # m/s, so that arrival times stay finite at standstill
+
+
+def free_flow(
+    speed: Float[Array, ""], cap: Float[Array, "k"], distance: Float[Array, "k"], params: ProfileParams
+) -> tuple[Float[Array, "k"], Float[Array, "k"]]:
+    """Speed [K] (m/s) and arrival time [K] (s) along a path without traffic.
+
+    The squared speed is the least of three: what acceleration allows from the start, the cap here, and what
+    deceleration needs for the caps ahead. Args: cap [K] m/s; distance [K] m from the start, increasing from 0.
+    """
+    from_start = speed**2 + 2 * params.acceleration * distance
+    gap_ahead = distance[None, :] - distance[:, None]
+    to_caps = jnp.where(gap_ahead >= 0, cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead, jnp.inf)
+    squared = jnp.minimum(from_start, jnp.min(to_caps, axis=1))
+    profile = safe.sqrt(squared + params.floor**2)
+    step = 2 * jnp.diff(distance) / (profile[1:] + profile[:-1])
+    return profile, jnp.concatenate([jnp.zeros_like(step[:1]), jnp.cumsum(step)])
