@@ -45,7 +45,7 @@ class RoadGraph:
     right: Array  # [L, P, 2] m, right border
     heading: Array  # [L, P] rad, unwrapped along each link
     curvature: Array  # [L, P] 1/m
-    station: Array  # [L, P] m along the centre line
+    station: Array  # [L, P] m along the centre line, uniform: station[l, p] = length[l] * p / (P - 1)
     length: Array  # [L] m
     speed_limit: Array  # [L] m/s
     turn: Array  # [L] int32, a Turn
@@ -58,7 +58,7 @@ class RoadGraph:
     has_predecessor: Array  # [L, S] bool
     left_link: Array  # [L] int32, neighbour on the left in the same direction
     has_left: Array  # [L] bool
-    left_change: Array  # [L] bool, a change to it is permitted
+    left_change: Array  # [L] bool, a change to it is permitted; without it, the oncoming lane may be used to overtake
     left_station: Array  # [L, P] m, station on the left neighbour beside each point
     right_link: Array  # [L] int32
     has_right: Array  # [L] bool

@@ -1,0 +1,9 @@
+"""Road networks from a few numbers, or from a list of lanes (host side; a RoadGraph comes out)."""
+
+from urbanjax.roadmap.builders.district import district
+from urbanjax.roadmap.builders.junctions import intersection
+from urbanjax.roadmap.builders.lanes import assemble
+from urbanjax.roadmap.builders.roads import curve, merge, straight, two_way
+from urbanjax.roadmap.builders.specs import LaneSpec
+
+__all__ = ["LaneSpec", "assemble", "curve", "district", "intersection", "merge", "straight", "two_way"]

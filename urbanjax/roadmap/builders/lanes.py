@@ -1,0 +1,216 @@
+"""From a list of lanes to a road graph (host side, float64 until the end)."""
+
+from collections.abc import Hashable, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.roadmap.builders.relations import conflicts, neighbour_stations, opposites
+from urbanjax.roadmap.builders.specs import LaneSpec, check, resample
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.types import RoadError
+
+FAR = 20_000.0  # m from the origin beyond which float32 coordinates lose more than a millimetre
+
+
+def assemble(
+    specs: Sequence[LaneSpec],
+    n_points: int = 32,
+    origin: tuple[float, float] | None = None,
+    n_links: int | None = None,
+    n_successors: int | None = None,
+    n_relations: int | None = None,
+    n_signals_per_link: int | None = None,
+    n_signals: int | None = None,
+    gap_tolerance: float = 2.0,
+) -> RoadGraph:
+    """The road graph of the lanes; link i is specs[i].
+
+    Derives predecessors, station maps between neighbours, opposite lanes and conflicts. Every link is resampled to
+    `n_points` at uniform arc length, so that `station[l, p] = length[l] * p / (n_points - 1)`.
+    Args: origin, map coordinates of the graph's (0, 0) (None: the map's own, or the centre of the lanes where they lie
+    more than 20 km from it); n_links, n_successors, n_relations, n_signals_per_link, sizes to pad to (None: the
+    smallest); n_signals, number of signals (None: the largest id and one); gap_tolerance [m], the largest distance
+    from a lane's end to its successor's start.
+    Raises RoadError on an empty or inconsistent network, with the lane's key.
+    """
+    index = check(specs, n_points)
+    rows = [resample(spec, n_points) for spec in specs]
+    centre, left, right, heading, curvature, length = (np.stack(column) for column in zip(*rows, strict=True))
+    width = np.linalg.norm(left - right, axis=-1).mean(-1)
+    successors, predecessors = _succession(specs, index, centre, gap_tolerance)
+    neighbour = _neighbours(specs, index)
+    opposite = opposites(centre, heading, width, length)
+    conflict = conflicts(centre, width, _related(successors, neighbour, opposite))
+    signals = _signals(specs, length)
+    at = _origin(centre, origin)
+    areas = list(dict.fromkeys(["", *(spec.area for spec in specs)]))
+
+    pad = _Padding(_size("n_links", n_links, len(specs)), len(specs))
+    n_s = _size("n_successors", n_successors, max(len(row) for row in [*successors, *predecessors]))
+    n_x = _size("n_relations", n_relations, max(len(row) for row in [*opposite, *conflict]))
+    n_y = _size("n_signals_per_link", n_signals_per_link, max(len(row) for row in signals))
+    successor, has_successor = pad.table(successors, n_s)
+    predecessor, has_predecessor = pad.table(predecessors, n_s)
+    opposite_link, has_opposite = pad.table([[j for j, _ in row] for row in opposite], n_x)
+    conflict_link, has_conflict = pad.table(conflict, n_x)
+    signal, has_signal = pad.table([[g for g, _ in row] for row in signals], n_y)
+    return RoadGraph(
+        centre=pad.floats(centre - at),
+        left=pad.floats(left - at),
+        right=pad.floats(right - at),
+        heading=pad.floats(heading),
+        curvature=pad.floats(curvature),
+        station=pad.floats(length[:, None] * np.linspace(0.0, 1.0, n_points)),
+        length=pad.floats(length),
+        speed_limit=pad.floats([spec.speed_limit for spec in specs]),
+        turn=pad.integers([int(spec.turn) for spec in specs]),
+        road_type=pad.integers([int(spec.road_type) for spec in specs]),
+        rule=pad.integers([int(spec.rule) for spec in specs]),
+        valid=pad.flags(np.ones(len(specs))),
+        successor=successor,
+        has_successor=has_successor,
+        predecessor=predecessor,
+        has_predecessor=has_predecessor,
+        **_sides(specs, neighbour, (centre, heading, length), pad),
+        opposite=opposite_link,
+        has_opposite=has_opposite,
+        opposite_offset=pad.floats(_ragged([[x for _, x in row] for row in opposite], n_x)),
+        conflict=conflict_link,
+        has_conflict=has_conflict,
+        signal=signal,
+        has_signal=has_signal,
+        stop_line=pad.floats(_ragged([[s for _, s in row] for row in signals], n_y)),
+        area=pad.integers([areas.index(spec.area) for spec in specs]),
+        origin=(float(at[0]), float(at[1])),
+        area_names=tuple(areas),
+        n_signals=_size("n_signals", n_signals, 1 + max((g for row in signals for g, _ in row), default=-1), least=0),
+    )
+
+
+class _Padding:
+    """Casts host arrays of n rows to device arrays of `size` rows.
+
+    The first row is repeated, so that arithmetic on the padding stays well-formed; masks are false there.
+    """
+
+    def __init__(self, size: int, n: int):
+        self.size, self.n = size, n
+
+    def _rows(self, x: Any) -> np.ndarray:
+        x = np.asarray(x)
+        return np.concatenate([x, np.repeat(x[:1], self.size - self.n, axis=0)])
+
+    def floats(self, x: Any) -> Any:
+        return jnp.asarray(self._rows(x), jnp.zeros(()).dtype)
+
+    def integers(self, x: Any) -> Any:
+        return jnp.asarray(self._rows(x), jnp.int32)
+
+    def flags(self, x: Any) -> Any:
+        mask = self._rows(np.asarray(x, bool))
+        mask[self.n :] = False
+        return jnp.asarray(mask)
+
+    def table(self, rows: list[list[int]], width: int) -> tuple[Any, Any]:
+        """Indices [size, width] and their mask, from ragged rows."""
+        return self.integers(_ragged(rows, width)), self.flags(_ragged([[1] * len(row) for row in rows], width))
+
+
+def _ragged(rows: list[list[Any]], width: int) -> np.ndarray:
+    out = np.zeros((len(rows), width))
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out
+
+
+def _succession(
+    specs: Sequence[LaneSpec], index: dict[Hashable, int], centre: np.ndarray, gap_tolerance: float
+) -> tuple[list[list[int]], list[list[int]]]:
+    """Successors and predecessors of each link."""
+    successors = [[index[key] for key in spec.successors] for spec in specs]
+    predecessors: list[list[int]] = [[] for _ in specs]
+    for i, following in enumerate(successors):
+        for j in following:
+            gap = np.linalg.norm(centre[i, -1] - centre[j, 0])
+            if gap > gap_tolerance:
+                raise RoadError(
+                    f"lane {specs[i].key!r} ends {gap:.1f} m from the start of its successor {specs[j].key!r}: "
+                    "connect them or raise gap_tolerance"
+                )
+            predecessors[j].append(i)
+    return successors, predecessors
+
+
+def _sides(
+    specs: Sequence[LaneSpec], neighbour: dict[str, np.ndarray], shape: tuple[np.ndarray, ...], pad: _Padding
+) -> dict[str, Any]:
+    """The graph's fields about left and right neighbours."""
+    out = {}
+    for side, link in neighbour.items():
+        stated = [getattr(spec, f"{side}_change") for spec in specs]
+        beside = np.where(link < 0, np.arange(len(specs)), link)
+        out[f"{side}_link"] = pad.integers(np.maximum(link, 0))
+        out[f"has_{side}"] = pad.flags(link >= 0)
+        out[f"{side}_change"] = pad.flags([j >= 0 if s is None else s for s, j in zip(stated, link, strict=True)])
+        out[f"{side}_station"] = pad.floats(neighbour_stations(*shape, beside))
+    return out
+
+
+def _related(
+    successors: list[list[int]], neighbour: dict[str, np.ndarray], opposite: list[list[tuple[int, float]]]
+) -> set[tuple[int, int]]:
+    """Pairs whose nearness is no conflict: in succession, from a common link, side by side, opposed."""
+    related = {(i, j) for i, following in enumerate(successors) for j in following}
+    related |= {(i, j) for following in successors for i in following for j in following}
+    related |= {(i, int(j)) for side in neighbour.values() for i, j in enumerate(side) if j >= 0}
+    return related | {(i, j) for i, row in enumerate(opposite) for j, _ in row}
+
+
+def _signals(specs: Sequence[LaneSpec], length: np.ndarray) -> list[list[tuple[int, float]]]:
+    """Signal id and stop-line station of each link."""
+    out = []
+    for spec, total in zip(specs, length, strict=True):
+        row = [(g, float(total) if s is None else float(s)) for g, s in spec.signals]
+        if any(g < 0 or not 0 <= s <= total + 1e-6 for g, s in row):
+            raise RoadError(
+                f"lane {spec.key!r}: a signal id is negative or its stop line is not within 0..{total:.1f} m"
+            )
+        out.append(row)
+    return out
+
+
+def _neighbours(specs: Sequence[LaneSpec], index: dict[Hashable, int]) -> dict[str, np.ndarray]:
+    """Neighbour links [L] on each side, -1 for none; what one lane states of another holds both ways."""
+    out = {
+        side: np.array([-1 if key is None else index[key] for key in (getattr(spec, side) for spec in specs)])
+        for side in ("left", "right")
+    }
+    for side, other in (("left", "right"), ("right", "left")):
+        for i, j in enumerate(out[side].copy()):
+            if j == i:
+                raise RoadError(f"lane {specs[i].key!r} is its own neighbour")
+            if j >= 0 and out[other][j] < 0:
+                out[other][j] = i
+    return out
+
+
+def _origin(centre: np.ndarray, origin: tuple[float, float] | None) -> np.ndarray:
+    if origin is not None:
+        at = np.asarray(origin, float)
+    elif np.abs(centre).max() <= FAR:
+        at = np.zeros(2)
+    else:
+        at = np.round(0.5 * (centre.min((0, 1)) + centre.max((0, 1))))
+    if not np.all(np.isfinite(at)) or np.abs(centre - at).max() > 10 * FAR:
+        raise RoadError(
+            f"lanes lie more than {10 * FAR / 1000:.0f} km from the origin {tuple(at)}: choose a nearer one"
+        )
+    return at
+
+
+def _size(name: str, given: int | None, needed: int, least: int = 1) -> int:
+    if given is not None and given < needed:
+        raise RoadError(f"{name} is {given}, but the network needs {needed}: raise it or leave it out")
+    return max(needed if given is None else given, least)
