@@ -1,0 +1,160 @@
+"""Drives in highway-env: equal traffic for every driver, honest distances and times to collision."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from urbanjax.io.highway.environment import ACCELERATION, STEERING, action_of, make_idm, open_environment
+from urbanjax.io.highway.episode import Episode, Idm, drive
+from urbanjax.io.highway.measure import time_to_collision
+
+
+def box(x, y, heading=0.0, speed=0.0, length=5.0, width=2.0):
+    direction = np.array([np.cos(heading), np.sin(heading)])
+    return SimpleNamespace(
+        position=np.array([x, y], float),
+        direction=direction,
+        velocity=speed * direction,
+        LENGTH=length,
+        WIDTH=width,
+        crashed=False,
+        heading=heading,
+    )
+
+
+@pytest.mark.parametrize(
+    ("ego", "other", "expected"),
+    [
+        (box(0, 0, speed=20), box(45, 0, speed=10), 4.0),
+        (box(0, 0, speed=20), box(45, 0, np.pi, speed=20), 1.0),
+        (box(0, 0, speed=20), box(45, 1.9, speed=10), 4.0),
+        (box(0, 0, speed=20), box(45, 2.1, speed=10), np.inf),
+        (box(0, 0, speed=10), box(45, 0, speed=10), np.inf),
+        (box(0, 0, speed=10), box(-45, 0, speed=20), 4.0),
+        (box(0, 0, speed=10), box(3, 0, speed=10), 0.0),
+        (box(0, 0, speed=10), box(23.5, -23.5, np.pi / 2, speed=10), 2.0),
+        (box(0, 0, speed=1), box(100, 0, speed=0), np.inf),
+    ],
+)
+def test_time_to_collision_of_known_meetings(ego, other, expected):
+    assert time_to_collision(ego, [ego, other]) == pytest.approx(expected)
+
+
+def test_time_to_collision_agrees_with_stepping_boxes_forward():
+    from highway_env.utils import are_polygons_intersecting
+    from highway_env.vehicle.kinematics import Vehicle
+
+    random = np.random.default_rng(0)
+    met = 0
+    for _ in range(60):
+        place, angle, speed = (
+            random.uniform(-15, 15, (2, 2)),
+            random.uniform(-np.pi, np.pi, 2),
+            random.uniform(0, 25, 2),
+        )
+        ego, other = (Vehicle(None, *values) for values in zip(place, angle, speed, strict=True))
+        found = time_to_collision(ego, [other])
+        start = [ego.position.copy(), other.position.copy()]
+
+        def touch(time, ego=ego, other=other, start=start):
+            ego.position, other.position = start[0] + ego.velocity * time, start[1] + other.velocity * time
+            still = np.zeros(2)
+            return are_polygons_intersecting(ego.polygon(), other.polygon(), still, still)[0]
+
+        if np.isinf(found):
+            assert not any(touch(time) for time in np.arange(0.0, 20.0, 0.05))
+        else:
+            met += 1
+            assert touch(found + 1e-6) or found == 0.0
+            assert not any(touch(time) for time in np.linspace(0.0, found - 1e-6, 30)) or found == 0.0
+    assert met >= 5
+
+
+def test_actions_reach_the_vehicle_in_its_own_units():
+    env = open_environment("highway-v0", vehicles_count=0)
+    env.reset(seed=0)
+    env.step(action_of(-2.0, 0.1))
+    assert env.vehicle.action["acceleration"] == pytest.approx(-2.0)
+    assert env.vehicle.action["steering"] == pytest.approx(-0.1)  # left is up here, down there
+    env.step(action_of(-100.0, 9.0))
+    assert env.vehicle.action["acceleration"] == pytest.approx(ACCELERATION[0])
+    assert env.vehicle.action["steering"] == pytest.approx(STEERING[0])
+
+
+@pytest.mark.parametrize("name", ["highway-v0", "merge-v1", "two-way-v0", "racetrack-v1"])
+def test_every_driver_meets_the_same_traffic(name):
+    def scene(env):
+        return [(type(v).__name__, *v.position, v.heading, v.speed, v.lane_index) for v in env.road.vehicles]
+
+    env = open_environment(name)
+    env.reset(seed=4)
+    ego, place = env.vehicle, env.road.vehicles.index(env.vehicle)
+    before = scene(env)
+    env.reset(seed=5)
+    assert scene(env)[1:] != before[1:]
+    env.reset(seed=4)
+    make_idm(env)
+    after = scene(env)
+    assert after[place][0] == "IDMVehicle"
+    assert after[place][1:] == before[place][1:]
+    del after[place], before[place]
+    assert after == before
+    assert env.vehicle is not ego
+
+
+class Straight:
+    """Drives on as it is, on the traffic's own lane."""
+
+    def __init__(self, acceleration):
+        self.acceleration, self.step_seconds = acceleration, []
+
+    def start(self, env):
+        pass
+
+    def act(self, env):
+        return action_of(self.acceleration, 0.0)
+
+
+def test_a_drive_without_traffic_covers_what_physics_says():
+    env = open_environment("highway-v0", vehicles_count=0)
+    episode = drive(env, ("highway-v0", "straight"), Straight(-1.0), seed=0, duration=4.0)
+    assert episode.time[-1] == pytest.approx(4.0)
+    assert episode.speed[[0, -1]] == pytest.approx([25.0, 21.0])
+    assert episode.distance == pytest.approx(25.0 * 4 - 8.0, abs=0.2)
+    assert episode.mean_speed == pytest.approx(episode.distance / 4.0)
+    assert np.isinf(episode.ttc).all()
+    assert not episode.collision
+
+
+def test_a_crash_ends_the_drive_and_costs_the_rest_of_its_distance():
+    env = open_environment("two-way-v0")
+    episode = drive(env, ("two-way-v0", "straight"), Straight(3.0), seed=0, duration=20.0)
+    assert episode.collision
+    assert episode.time[-1] < 20.0
+    assert episode.nominal == 20.0
+    assert episode.ttc[-1] == 0.0
+    assert episode.mean_speed < episode.distance / episode.time[-1]
+
+
+def test_the_end_of_the_road_ends_the_drive_and_its_nominal_time():
+    env = open_environment("two-way-v0")
+    env.reset(seed=0)
+    env.road.vehicles[1:] = []
+    env.reset = lambda seed: None
+    episode = drive(env, ("two-way-v0", "straight"), Straight(0.0), seed=0, duration=60.0)
+    assert episode.nominal == pytest.approx(episode.time[-1])
+    assert episode.position[-1, 0] == pytest.approx(800.0, abs=5.0)
+    assert episode.mean_speed == pytest.approx(30.0, rel=1e-3)
+
+
+def test_the_idm_ego_drives_and_pictures_show_it():
+    env = open_environment("merge-v1")
+    episode = drive(env, ("merge-v1", "idm"), Idm(), seed=0, duration=2.0, frame_every=15)
+    assert isinstance(episode, Episode)
+    assert len(episode.frames) == 2
+    assert episode.frames[0].ndim == 3
+    assert episode.frames[0].std() > 5.0  # not a black picture
+    assert not np.array_equal(*episode.frames)
+    assert np.isfinite(episode.position).all()
+    assert episode.on_road.all()

@@ -1,0 +1,102 @@
+"""highway-env's environments, opened so that any ego can drive them."""
+
+import os
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from urbanjax.types import ConfigError
+
+FREQUENCY = 15  # Hz, of the simulation and of the driver
+ACCELERATION = (-6.0, 3.0)  # m/s^2
+STEERING = (-np.pi / 4, np.pi / 4)  # rad
+SPEED = (0.0, 40.0)  # m/s
+EGO_COLOUR = (50, 200, 0)
+SCREEN = {"screen_width": 720, "screen_height": 200}
+
+
+def open_environment(name: str, **config: Any) -> Any:
+    """The environment `name` with both continuous controls at 15 Hz; `reset(seed=...)` places the traffic.
+
+    Rewards are left out: some are defined for discrete actions only. Raises ConfigError for an unknown name.
+    """
+    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # its renderer complains without one
+    import gymnasium
+    import highway_env  # noqa: F401  registers its environments
+    from gymnasium.envs.registration import load_env_creator
+
+    try:
+        creator = load_env_creator(gymnasium.spec(name).entry_point)
+    except gymnasium.error.Error as error:
+        raise ConfigError(f"no highway-env environment '{name}': {str(error).splitlines()[0]}") from error
+    driven = type(f"Driven{creator.__name__}", (creator,), {"_reward": _no_reward, "_rewards": _no_rewards})
+    action = {
+        "type": "ContinuousAction",
+        "longitudinal": True,
+        "lateral": True,
+        "acceleration_range": ACCELERATION,
+        "steering_range": STEERING,
+        "speed_range": SPEED,
+    }
+    defaults = {
+        "observation": {"type": "Kinematics", "vehicles_count": 1},
+        "action": action,
+        "simulation_frequency": FREQUENCY,
+        "policy_frequency": FREQUENCY,
+    }
+    screen = SCREEN if creator.default_config()["screen_height"] < 300 else {}
+    return driven(config={**defaults, **screen, **config}, render_mode="rgb_array")
+
+
+def _no_reward(self: Any, action: Any) -> float:
+    return 0.0
+
+
+def _no_rewards(self: Any, action: Any) -> dict[str, float]:
+    return {}
+
+
+def action_of(acceleration: float, steering: float) -> np.ndarray:
+    """[2] in [-1, 1]: the action for an acceleration (m/s^2) and a road-wheel angle (rad, positive = left, y up)."""
+    scaled = [
+        (acceleration - ACCELERATION[0]) / (ACCELERATION[1] - ACCELERATION[0]),
+        (-steering - STEERING[0]) / (STEERING[1] - STEERING[0]),  # the screen's y points down
+    ]
+    return np.clip(2.0 * np.asarray(scaled) - 1.0, -1.0, 1.0)
+
+
+def end_is_near(env: Any) -> bool:
+    """Whether the ego's lane ends within half a vehicle and no lane goes on from there."""
+    ego = env.vehicle
+    return bool(ego.lane.after_end(ego.position)) and not list(continuations(env.road.network, ego.lane_index))
+
+
+def continuations(network: Any, index: tuple[str, str, int], tolerance: float = 1.5) -> list[tuple[str, str, int]]:
+    """Indices of the lanes that go on where lane `index` ends: same node, nearby start and similar heading.
+
+    Args: tolerance, m between the end of the one and the start of the other (and, in rad, half of it in heading).
+    """
+    lane = network.get_lane(index)
+    end, heading = lane.position(lane.length, 0.0), lane.heading_at(lane.length)
+    found = []
+    for target, lanes in network.graph.get(index[1], {}).items():
+        for number, other in enumerate(lanes):
+            gap = np.linalg.norm(other.position(0.0, 0.0) - end)
+            turn = abs((other.heading_at(0.0) - heading + np.pi) % (2 * np.pi) - np.pi)
+            if gap <= tolerance and turn <= tolerance / 2:
+                found.append((index[1], target, number))
+    return found
+
+
+def make_idm(env: Any, change_lanes: bool = True) -> None:
+    """Put highway-env's IDM and MOBIL vehicle in the place and state of the ego; the other traffic stays as it is.
+
+    Args: change_lanes, false for a vehicle that keeps to its lane.
+    """
+    from highway_env.vehicle.behavior import IDMVehicle
+
+    ego = env.vehicle
+    idm = IDMVehicle(env.road, ego.position, ego.heading, ego.speed, enable_lane_change=change_lanes)
+    env.road.vehicles[env.road.vehicles.index(ego)] = idm
+    env.controlled_vehicles[0] = idm
