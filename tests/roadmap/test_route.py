@@ -1,0 +1,224 @@
+"""Eq. 12: routes equal scipy's Dijkstra; lane changes, via-points, laps and failures."""
+
+from itertools import pairwise
+
+import jax
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from urbanjax.roadmap import builders
+from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route, route_between
+from urbanjax.types import RouteError, RouteStatus
+
+L, S = 24, 3
+cost_to_go_jit = jax.jit(cost_to_go, static_argnames="changes")
+plan_route_jit = jax.jit(plan_route, static_argnames="laps")
+
+
+@pytest.fixture(scope="module")
+def template():
+    """A padded graph whose tables the random graphs replace."""
+    lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
+    return builders.assemble([lane], n_points=4, n_links=L, n_successors=S)
+
+
+def random_graph(template, seed):
+    rng = np.random.default_rng(seed)
+    n_out = rng.integers(0, S + 1, L)
+    left, right = rng.integers(0, L, L), rng.integers(0, L, L)
+    return template.replace(
+        valid=np.arange(L) < L - 2,
+        length=rng.uniform(5.0, 100.0, L).astype(np.float32),
+        speed_limit=rng.uniform(5.0, 20.0, L).astype(np.float32),
+        successor=rng.integers(0, L, (L, S)).astype(np.int32),
+        has_successor=np.arange(S)[None] < n_out[:, None],
+        left_link=left.astype(np.int32),
+        has_left=rng.random(L) < 0.4,
+        left_change=rng.random(L) < 0.7,
+        right_link=right.astype(np.int32),
+        has_right=rng.random(L) < 0.4,
+        right_change=rng.random(L) < 0.7,
+    )
+
+
+def edges(graph, params, changes=True):
+    """All moves (from, to, cost) of a graph, from its tables."""
+    weight = np.asarray(graph.length if params.cost == "length" else graph.length / graph.speed_limit, float)
+    penalty = params.change_length if params.cost == "length" else params.change_time
+    valid = np.asarray(graph.valid)
+    out = []
+    for i in np.flatnonzero(valid):
+        out += [(i, j, weight[i]) for j in graph.successor[i][graph.has_successor[i]] if valid[j]]
+        for side in ("left", "right"):
+            j = int(getattr(graph, f"{side}_link")[i])
+            allowed = getattr(graph, f"has_{side}")[i] and getattr(graph, f"{side}_change")[i]
+            if changes and allowed and valid[j]:
+                out.append((i, j, penalty))
+    return out, weight
+
+
+def host(graph):
+    """The graph with numpy arrays."""
+    return jax.tree.map(np.asarray, graph)
+
+
+def oracle(graph, goal, params, changes=True):
+    """Cost from the start of each link to the end of the goal, by Dijkstra on the reversed graph."""
+    listed, weight = edges(graph, params, changes)
+    n = len(weight)
+    cheapest = np.full((n, n), np.inf)
+    for i, j, c in listed:
+        cheapest[j, i] = min(cheapest[j, i], c)
+    np.fill_diagonal(cheapest, np.inf)
+    rows, columns = np.nonzero(np.isfinite(cheapest))
+    matrix = csr_array((cheapest[rows, columns], (rows, columns)), shape=(n, n))
+    return dijkstra(matrix, indices=goal) + weight[goal]
+
+
+@pytest.mark.parametrize("cost", ["length", "time"])
+def test_cost_to_go_equals_dijkstra_on_random_graphs(template, cost):
+    params = RouteParams(cost=cost)
+    for seed in range(30):
+        graph = random_graph(template, seed)
+        goal = seed % (L - 2)
+        np.testing.assert_allclose(cost_to_go_jit(graph, goal, params), oracle(graph, goal, params), rtol=1e-5)
+
+
+def test_cost_to_go_equals_dijkstra_on_the_district(district, course_links):
+    params = RouteParams()
+    for goal in (course_links[-1], course_links[30]):
+        np.testing.assert_allclose(
+            cost_to_go_jit(district, goal, params), oracle(host(district), goal, params), rtol=1e-5
+        )
+
+
+def walked_cost(graph, route, params):
+    """Cost of the links of a route, checking that each move is one that the graph allows."""
+    listed, weight = edges(graph, params)
+    costs = {}
+    for i, j, c in listed:
+        costs.setdefault((i, j), []).append(c)
+    links = np.asarray(route.link)[np.asarray(route.valid)]
+    change = np.asarray(route.change)
+    penalty = params.change_length if params.cost == "length" else params.change_time
+    total = weight[links[-1]]
+    for k, (i, j) in enumerate(pairwise(links)):
+        spent = penalty if change[k] else weight[i]
+        assert any(spent == pytest.approx(c) for c in costs[(i, j)])
+        total += spent
+    return total
+
+
+def test_route_walks_its_least_cost_on_random_graphs(template):
+    params = RouteParams(n_links=L)
+    found = 0
+    for seed in range(40):
+        graph = random_graph(template, 100 + seed)
+        rng = np.random.default_rng(seed)
+        start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
+        route = plan_route_jit(graph, start, goal, params=params)
+        best = oracle(graph, goal, params)[start]
+        if np.isinf(best):
+            assert int(route.status) == RouteStatus.UNREACHABLE
+            continue
+        found += 1
+        assert int(route.status) == RouteStatus.OK
+        assert walked_cost(graph, route, params) == pytest.approx(best, rel=1e-5)
+        assert float(route.cost) == pytest.approx(best, rel=1e-5)
+    assert found > 15
+
+
+def test_lexicographic_search_minimises_changes_first(template):
+    params, pair = RouteParams(search="lexicographic", n_links=L), RouteParams(change_length=1e5, n_links=L)
+    for seed in range(20):
+        graph = random_graph(template, 200 + seed)
+        rng = np.random.default_rng(seed)
+        start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
+        route = plan_route_jit(graph, start, goal, params=params)
+        best = oracle(graph, goal, pair)[start]
+        if np.isfinite(best):
+            changes = int(np.sum(route.change))
+            assert changes == int(best // 1e5)
+            assert float(route.cost) == pytest.approx(best - 1e5 * changes, rel=1e-5)
+
+
+def test_two_stage_takes_the_route_without_changes_if_there_is_one(template):
+    params = RouteParams(search="two_stage", change_length=0.0, n_links=L)
+    kinds = set()
+    for seed in range(20):
+        graph = random_graph(template, 300 + seed)
+        rng = np.random.default_rng(seed)
+        start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
+        route = plan_route_jit(graph, start, goal, params=params)
+        plain, free = (oracle(graph, goal, params, changes)[start] for changes in (False, True))
+        best = plain if np.isfinite(plain) else free
+        if np.isfinite(best):
+            assert float(route.cost) == pytest.approx(best, rel=1e-5)
+            assert not np.isfinite(plain) or not np.any(route.change)
+            kinds.add(bool(np.isfinite(plain)))
+    assert kinds == {True, False}
+
+
+def test_free_lane_changes_do_not_trap_the_trace_back(road):
+    route = plan_route(road, 2, 5, params=RouteParams(change_length=0.0, n_links=8))
+    assert int(route.status) == RouteStatus.OK
+    assert float(route.cost) == pytest.approx(200.0)
+
+
+def test_lane_change_is_planned_where_the_goal_is_on_another_lane(road):
+    route = route_between(road, 0, 5, params=RouteParams(n_links=8))
+    links = np.asarray(route.link)[np.asarray(route.valid)]
+    assert links[0] == 0
+    assert links[-1] == 5
+    assert int(np.sum(route.change)) == 2
+    assert float(route.cost) == pytest.approx(200.0 + 2 * 50.0)
+
+
+def test_district_lap_is_the_whole_course(district, course_links):
+    route = route_between(district, 0, course_links[-1])
+    assert np.asarray(route.link)[np.asarray(route.valid)].tolist() == course_links
+    assert float(route.cost) == pytest.approx(float(np.sum(np.asarray(district.length)[course_links])), rel=1e-5)
+
+
+def test_laps_repeat_the_course(district, course_links):
+    route = route_between(district, 0, course_links[-1], laps=3)
+    assert np.asarray(route.link)[np.asarray(route.valid)].tolist() == 3 * course_links
+    back = route_between(district, 0, 0, laps=2)
+    assert np.asarray(back.link)[np.asarray(back.valid)].tolist() == [*course_links, *course_links, 0]
+
+
+def test_via_links_are_visited_in_order(district, course_links):
+    other = int(district.right_link[course_links[20]])
+    route = route_between(district, 0, course_links[40], via=(other,))
+    links = np.asarray(route.link)[np.asarray(route.valid)].tolist()
+    assert other in links
+    assert links[-1] == course_links[40]
+    assert int(np.sum(route.change)) == 2
+
+
+def test_start_that_is_the_goal_is_a_route_of_one_link(road):
+    route = route_between(road, 3, 3, params=RouteParams(n_links=8))
+    assert int(np.sum(route.valid)) == 1
+    assert float(route.cost) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((3, 0), "link 0 cannot be reached from link 3"),
+        ((0, 99), "goal link 99 is not in the road graph"),
+        ((-1, 0), "start link -1 is not in the road graph"),
+        ((0, 3, (77,)), "via link 77 is not in the road graph"),
+        ((0, 3, (), 0), "laps is 0"),
+    ],
+)
+def test_impossible_routes_name_their_links(road, arguments, message):
+    with pytest.raises(RouteError, match=message):
+        route_between(road, *arguments, params=RouteParams(n_links=8))
+
+
+def test_too_long_route_says_so(district, course_links):
+    with pytest.raises(RouteError, match="raise n_links"):
+        route_between(district, 0, course_links[-1], params=RouteParams(n_links=8))
