@@ -1,0 +1,171 @@
+"""What a run is judged by. Each function takes the `Log` of one run (T steps); batches go through vmap.
+
+Thresholds and minima have a soft twin through the `Relaxation`; where a quantity is hard only, it is said.
+"""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from urbanjax.geometry.boxes import Box, box, relaxed_box_gap
+from urbanjax.numerics import safe, soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.sim.log import Log
+from urbanjax.types import Objects, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+FAR = 1e3  # m or s: no vehicle near, no collision to come
+
+
+@pytree
+class Metrics:
+    """Scalars of one run."""
+
+    progress: Array  # [] m along the road
+    clearance: Array  # [] m, smallest gap between the ego's box and another
+    collision: Array  # [] degree in [0, 1]
+    ttc_lane: Array  # [] s, smallest time to collision along the lane
+    ttc_box: Array  # [] s, smallest time to collision of the boxes at constant velocity (hard)
+    mean_speed: Array  # [] m/s
+    min_speed: Array  # [] m/s
+    speed_drop: Array  # [] m/s, initial speed less the smallest
+    max_acceleration: Array  # [] m/s^2, greatest magnitude
+    max_lateral: Array  # [] m/s^2, greatest magnitude of lateral acceleration
+    max_jerk: Array  # [] m/s^3, greatest magnitude
+    off_road: Array  # [] degree in [0, 1]
+
+
+def evaluate(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Metrics:
+    """All metrics of one run."""
+    gaps = clearance(log, vehicle, relaxation)
+    speed = log.ego.speed
+    lowest = soft.minimum(speed, relaxation)
+    return Metrics(
+        progress=progress(log)[-1],
+        clearance=soft.minimum(gaps, relaxation),
+        collision=collision(log, vehicle, relaxation),
+        ttc_lane=1 / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation), relaxation, 0.1), 1 / FAR),
+        ttc_box=jnp.min(box_ttc(log, vehicle)),
+        mean_speed=jnp.mean(speed),
+        min_speed=lowest,
+        speed_drop=speed[0] - lowest,
+        max_acceleration=_largest(jnp.abs(log.ego.acceleration), relaxation),
+        max_lateral=_largest(jnp.abs(lateral_acceleration(log, vehicle)), relaxation),
+        max_jerk=_largest(jnp.abs(jerk(log)), relaxation),
+        off_road=off_road(log, relaxation),
+    )
+
+
+def _largest(values: Array, relaxation: Relaxation, scale: float = 1.0) -> Array:
+    return -soft.minimum(-values, relaxation, scale)
+
+
+def progress(log: Log) -> Float[Array, " t"]:
+    """Way made along the road since the first step [m]: the speed along the lane, integrated by trapezoids."""
+    steps = 0.5 * (log.along[1:] + log.along[:-1]) * (log.time[1:] - log.time[:-1])
+    return jnp.concatenate([jnp.zeros_like(log.time[:1]), jnp.cumsum(steps)])
+
+
+def _boxes(log: Log, vehicle: VehicleParams) -> tuple[Box, Box]:
+    """The ego's box [T, 1] and the others' [T, V]."""
+    ego = box(log.centre[:, None, :], log.ego.heading[:, None], *_size(vehicle, log.time.dtype))
+    others = log.traffic
+    return ego, box(others.position, others.heading, others.length, others.width)
+
+
+def _size(vehicle: VehicleParams, dtype: jnp.dtype) -> tuple[Array, Array]:
+    return jnp.full((1, 1), vehicle.length, dtype), jnp.full((1, 1), vehicle.width, dtype)
+
+
+def clearance(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, " t"]:
+    """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision, 1e3 without vehicles."""
+    gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation)
+    return soft.minimum(gaps, relaxation, mask=log.traffic.valid, fill=FAR)
+
+
+def collision(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, ""]:
+    """Degree to which the ego ever touched another vehicle; soft twin with a scale of 1 m."""
+    return soft.above(-soft.minimum(clearance(log, vehicle, relaxation), relaxation), 0.0, relaxation)
+
+
+def off_road(log: Log, relaxation: Relaxation) -> Float[Array, ""]:
+    """Degree to which a corner of the ego's box ever left the road; soft twin with a scale of 1 m."""
+    return soft.above(-soft.minimum(log.road_margin, relaxation), 0.0, relaxation)
+
+
+def inverse_ttc(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, " t"]:
+    """Greatest closing speed over gap [1/s] per step, among vehicles ahead in the ego's way; 0 when none closes.
+
+    One-dimensional: distances are taken along the ego's heading, sideways off the arc that it steers. The inverse is
+    continuous where the time to collision is not (it passes through infinity).
+    """
+    others, ego = log.traffic, log.ego
+    cos, sin = jnp.cos(ego.heading)[:, None], jnp.sin(ego.heading)[:, None]
+    dx, dy = (others.position[..., i] - log.centre[:, i, None] for i in range(2))
+    ahead, across = dx * cos + dy * sin, dy * cos - dx * sin
+    turn = jnp.tan(ego.steering)[:, None] / vehicle.wheelbase
+    turned = others.heading - ego.heading[:, None]
+    c, s = jnp.abs(jnp.cos(turned)), jnp.abs(jnp.sin(turned))
+    half_length = 0.5 * (others.length * c + others.width * s + vehicle.length)
+    half_width = 0.5 * (others.length * s + others.width * c + vehicle.width)
+    in_way = soft.above(half_width - jnp.abs(across - 0.5 * turn * ahead * ahead), 0.0, relaxation)
+    in_way = in_way * soft.above(ahead, 0.0, relaxation, 5.0) * others.valid
+    closing = jnp.maximum(ego.speed[:, None] - others.speed * jnp.cos(turned), 0.0)
+    urgency = in_way * closing / jnp.maximum(ahead - half_length, 0.1)
+    return _largest(urgency, relaxation, 0.1) - _largest(jnp.zeros_like(urgency), relaxation, 0.1)
+
+
+def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
+    """Time until the ego's box meets another [s] per step, all at constant velocity and heading; 1e3 if never.
+
+    Exact for boxes that do not turn: on each separating axis they overlap during an interval of time, and they
+    collide while all four overlap. Hard only: it jumps where boxes just miss.
+    """
+    a, b = _boxes(log, vehicle)
+    speed, others = log.ego.speed[:, None], log.traffic
+    vx, vy = others.speed * b.cos - speed * a.cos, others.speed * b.sin - speed * a.sin
+    start, end = jnp.zeros_like(vx), jnp.full_like(vx, FAR)
+    for first, second in ((a, b), (b, a)):
+        turn_cos = first.cos * second.cos + first.sin * second.sin
+        turn_sin = first.cos * second.sin - first.sin * second.cos
+        for x, y, half, along, across in (
+            (first.cos, first.sin, first.half_length, turn_cos, turn_sin),
+            (-first.sin, first.cos, first.half_width, turn_sin, turn_cos),
+        ):
+            reach = half + second.half_length * jnp.abs(along) + second.half_width * jnp.abs(across)
+            enter, leave = _overlap((b.x - a.x) * x + (b.y - a.y) * y, vx * x + vy * y, reach)
+            start, end = jnp.maximum(start, enter), jnp.minimum(end, leave)
+    meets = (start <= end) & others.valid
+    return jnp.min(jnp.where(meets, start, FAR), axis=1)
+
+
+def _overlap(distance: Array, speed: Array, reach: Array) -> tuple[Array, Array]:
+    """Interval of time in which |distance + speed t| <= reach; empty as (FAR, -FAR)."""
+    still = jnp.abs(speed) < 1e-6
+    pace = jnp.where(still, 1.0, speed)
+    one, two = (-reach - distance) / pace, (reach - distance) / pace
+    inside = jnp.abs(distance) <= reach
+    enter = jnp.where(still, jnp.where(inside, -FAR, FAR), jnp.minimum(one, two))
+    leave = jnp.where(still, jnp.where(inside, FAR, -FAR), jnp.maximum(one, two))
+    return enter, leave
+
+
+def jerk(log: Log) -> Float[Array, " t-1"]:
+    """Longitudinal jerk between steps [m/s^3]."""
+    steps = log.time[1:] - log.time[:-1]
+    return safe.divide(log.ego.acceleration[1:] - log.ego.acceleration[:-1], steps)
+
+
+def lateral_acceleration(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
+    """Lateral acceleration of the rear axle [m/s^2], v^2 tan(delta) / wheelbase."""
+    return log.ego.speed**2 * jnp.tan(log.ego.steering) / vehicle.wheelbase
+
+
+def overlaps(objects: Objects) -> Bool[Array, "v v"]:
+    """Which valid vehicles touch which others, all pairs; the diagonal is False."""
+    every = box(objects.position, objects.heading, objects.length, objects.width)
+    one = Box(*(getattr(every, name)[:, None] for name in every.__dataclass_fields__))
+    two = Box(*(getattr(every, name)[None, :] for name in every.__dataclass_fields__))
+    touching = relaxed_box_gap(one, two, Relaxation()) <= 0
+    n = objects.valid.shape[0]
+    return touching & objects.valid[:, None] & objects.valid[None, :] & ~jnp.eye(n, dtype=bool)

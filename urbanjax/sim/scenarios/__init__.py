@@ -1,0 +1,1 @@
+"""Families of situations, each a function of a random key and parameters."""

@@ -1,0 +1,61 @@
+"""Following a vehicle in a single lane; in some starts it has to stop behind a standing one."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from urbanjax.roadmap.builders import straight
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
+from urbanjax.sim.world import SimParams
+from urbanjax.types import pytree, static
+
+LANE = 0  # the only link
+LEADER, STANDING = 0, 1  # vehicles
+
+
+@pytree
+class FollowParams:
+    """Ranges from which starts are drawn, uniformly."""
+
+    length: float = static(default=800.0)  # m, of the road
+    lane_width: float = static(default=3.5)  # m
+    speed_limit: float = static(default=50 / 3.6)  # m/s
+    n_vehicles: int = static(default=4)  # padded
+    start: float = 60.0  # m, station of the ego's rear axle
+    ego_speed: tuple[float, float] = (6.0, 13.0)  # m/s
+    leader_speed: tuple[float, float] = (4.0, 12.0)  # m/s
+    gap: tuple[float, float] = (20.0, 50.0)  # m, bumper to bumper
+    stops: float = 0.5  # share of starts with a standing vehicle
+    stop_gap: tuple[float, float] = (80.0, 160.0)  # m, from the leader to the standing vehicle
+
+
+def road(params: FollowParams) -> RoadGraph:
+    """The road: one lane along y = 0."""
+    return straight(1, params.length, params.lane_width, params.speed_limit)
+
+
+def sample(key: Array, params: FollowParams, sim: SimParams) -> Scenario:
+    """A start: the ego behind a leader that keeps its speed, or brakes behind a standing vehicle."""
+    keys = jax.random.split(key, 5)
+
+    def draw(i: int, limits: tuple[float, float]) -> Array:
+        return jax.random.uniform(keys[i], (), minval=limits[0], maxval=limits[1])
+
+    speed, leader_speed = draw(0, params.ego_speed), draw(1, params.leader_speed)
+    stops = jax.random.uniform(keys[3], ()) < params.stops
+    front = params.start - sim.vehicle.rear_overhang + sim.vehicle.length
+    leader = front + draw(2, params.gap) + 0.5 * sim.traffic.vehicle_length
+    pad = params.n_vehicles - 2
+    zeros = jnp.zeros(pad, speed.dtype)
+    vehicles = traffic(
+        jnp.full(params.n_vehicles, LANE, jnp.int32),
+        jnp.concatenate([jnp.stack([leader, leader + draw(4, params.stop_gap)]), zeros]),
+        jnp.concatenate([jnp.stack([leader_speed, jnp.zeros_like(speed)]), zeros]),
+        params.speed_limit,
+        sim.traffic,
+        jnp.concatenate([jnp.stack([jnp.asarray(True), stops]), jnp.zeros(pad, bool)]),
+    )
+    ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed)
+    link = jnp.asarray(LANE, jnp.int32)
+    return Scenario(world(ego, LANE, vehicles), link, link, jnp.asarray(False))

@@ -1,0 +1,178 @@
+"""The world: ego, traffic and signals; one policy step of it, and what the ego observes of it."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import safe
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.sim import agents, mobil, priority, reaction, signals
+from urbanjax.sim.agents import Traffic, TrafficParams
+from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.neighbours import FAR, Bodies, Chain, look_ahead
+from urbanjax.sim.reaction import Presence, ReactionParams
+from urbanjax.sim.signals import SignalProgram
+from urbanjax.types import Command, Objects, Observation, Odometry, VehicleState, pytree, static
+from urbanjax.vehicle.following import free_acceleration
+from urbanjax.vehicle.model import bicycle_step, box_centre
+from urbanjax.vehicle.params import VehicleParams
+
+HARD = Relaxation()
+
+
+@pytree
+class SimParams:
+    """Parameters of the simulator."""
+
+    vehicle: VehicleParams = VehicleParams()  # the ego
+    traffic: TrafficParams = TrafficParams()
+    reaction: ReactionParams = ReactionParams()
+    range: float = 100.0  # m, within which the ego perceives objects
+    n_objects: int = static(default=16)  # the nearest ones are observed
+    substeps: int = static(default=2)  # per policy step; a substep should not exceed 0.05 s
+    lane_changes: bool = static(default=True)  # traffic changes lanes (MOBIL)
+
+
+@pytree
+class WorldState:
+    """Everything that moves."""
+
+    ego: VehicleState
+    ego_link: Array  # [] int32, the link that the ego is on
+    traffic: Traffic
+    signals: SignalProgram
+    time: Array  # [] s
+    count: Array  # [] int32, policy steps so far
+
+
+def step(
+    params: SimParams,
+    lanes: Lanes,
+    world: WorldState,
+    command: Command,
+    dt: float | Float[Array, ""],
+    relaxation: Relaxation = HARD,
+) -> WorldState:
+    """World after one policy step of `dt` s under a constant command.
+
+    Once per step: lane changes, right of way, signals, and where the ego is. In each substep: everybody's following
+    (IDM) and motion. Differentiable with respect to the ego's state and command; who leads whom, lane changes and
+    signals are hard choices. The relaxation is that of the traffic's reaction to the ego.
+    """
+    traffic, chain, seen, ego_link, held = _decide(params, lanes, world)
+    small = dt / params.substeps
+
+    def substep(carry: tuple, _: None) -> tuple[tuple, None]:
+        ego, traffic, chain, seen, travelled = carry
+        to_ego = reaction.braking(seen, traffic, chain, params.traffic, params.reaction, relaxation)
+        to_stop = agents.stop_braking(traffic, held.distance - travelled, params.traffic)
+        strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
+        wanted = agents.follow(lanes, traffic, chain, strongest, params.traffic)
+        before = traffic.speed
+        traffic = agents.move(lanes, traffic, wanted, params.traffic, small)
+        chain = agents.chain_of(lanes, traffic, params.traffic)
+        ego = bicycle_step(ego, command, params.vehicle, small)
+        travelled = travelled + 0.5 * (before + traffic.speed) * small
+        return (ego, traffic, chain, reaction.advance(seen, small), travelled), None
+
+    start = (world.ego, traffic, chain, seen, jnp.zeros_like(traffic.speed))
+    (ego, traffic, *_), _ = jax.lax.scan(substep, start, None, length=params.substeps, unroll=True)
+    return world.replace(ego=ego, ego_link=ego_link, traffic=traffic, time=world.time + dt, count=world.count + 1)
+
+
+@pytree
+class Held:
+    """What holds traffic back for one policy step."""
+
+    distance: Array  # [V] m from the front bumper to where it has to stop, FAR if nowhere
+    braking: Array  # [V] m/s^2, towards the leader in a lane being left
+
+
+def _decide(params: SimParams, lanes: Lanes, world: WorldState) -> tuple[Traffic, Chain, Presence, Array, Held]:
+    """The choices of one policy step: traffic with begun changes, its chains, the ego's presence and link."""
+    p, traffic, ego = params.traffic, world.traffic, world.ego
+    ego_link = reaction.own_link(lanes, world.ego_link, box_centre(ego, params.vehicle), ego.heading)
+    seen = reaction.presence(lanes, ego_link, ego, params.vehicle, params.reaction)
+    drivers = _drivers(lanes, traffic, seen, p)
+    held, chain = _holds(lanes, world, drivers, p), agents.chain_of(lanes, traffic, p)
+    if params.lane_changes:
+        left = world.count % 2 == 0
+        traffic, held_braking = mobil.decide(lanes, traffic, drivers, left, p)
+        chain = agents.chain_of(lanes, traffic, p)
+    else:
+        held_braking = jnp.zeros_like(traffic.speed)
+    return traffic, chain, seen, ego_link, Held(held, held_braking)
+
+
+def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
+    """Traffic and, last, the ego: it follows the first successor and drives like the default driver."""
+    side = jnp.where(seen.reach[reaction.LEFT] > seen.reach[reaction.RIGHT], reaction.LEFT, reaction.RIGHT)
+    intrudes = seen.exists[side] & (seen.reach[side] > 0)
+    other_station = jnp.where(intrudes, seen.station[side], -FAR)
+
+    def join(array: Array, ego: Array | float) -> Array:
+        return jnp.concatenate([array, jnp.asarray(ego, array.dtype)[None]])
+
+    them = agents.bodies_of(traffic)
+    bodies = Bodies(
+        join(them.link, seen.link[0]),
+        join(them.station, seen.station[0]),
+        join(them.other, seen.link[side]),
+        join(them.other_station, other_station),
+        join(them.half, 0.5 * seen.length),
+        join(them.speed, jnp.maximum(seen.speed[0], 0.0)),
+    )
+    route, exists = join(traffic.route, 0), join(traffic.valid, True)
+    chain = look_ahead(lanes, bodies.link, bodies.station, route, exists, params.n_links)
+    headway = join(traffic.headway, params.idm.time_headway)
+    factor = join(traffic.desired_speed, 1.0)
+    free = free_acceleration(
+        bodies.speed,
+        agents.wanted_speed(lanes, factor, chain, params),
+        params.idm,
+    )
+    return mobil.Drivers(bodies, chain, route, exists, free, headway)
+
+
+def _holds(lanes: Lanes, world: WorldState, drivers: mobil.Drivers, params: TrafficParams) -> Array:
+    """Distance to where each vehicle has to stop [V] m: red signal, end of the lane, right of way."""
+    v, bodies, chain = world.traffic.link.shape[0], drivers.bodies, drivers.chain
+    shown = signals.show(world.signals, world.time)
+    red = priority.red_distance(lanes.graph, shown, chain, bodies.half, bodies.speed, params.idm.deceleration)
+    end = priority.end_distance(lanes, chain, bodies.half)
+    way = priority.yield_distance(
+        lanes, bodies, chain, red < 0.5 * FAR, params.patience, params.conflict_range, params.idm.deceleration
+    )
+    return jnp.minimum(jnp.minimum(red, end), way)[:v]
+
+
+def observe(params: SimParams, lanes: Lanes, world: WorldState) -> Observation:
+    """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals."""
+    ego = world.ego
+    odometry = Odometry(
+        ego.speed,
+        ego.acceleration,
+        ego.steering,
+        ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase,
+    )
+    return Observation(
+        odometry=odometry,
+        objects=nearest_objects(params, agents.objects(lanes, world.traffic, params.traffic), ego),
+        signals=signals.show(world.signals, world.time),
+        pose=ego.pose,
+    )
+
+
+def nearest_objects(params: SimParams, objects: Objects, ego: VehicleState) -> Objects:
+    """The nearest valid objects within range, nearest first, padded to `n_objects`."""
+    distance = safe.norm(objects.position - box_centre(ego, params.vehicle)[None, :])
+    inside = objects.valid & (distance < params.range)
+    distance = jax.lax.stop_gradient(jnp.where(inside, distance, FAR))
+    objects = objects.replace(valid=inside)
+    missing = params.n_objects - distance.shape[0]
+    if missing > 0:
+        distance = jnp.pad(distance, (0, missing), constant_values=FAR)
+        objects = jax.tree.map(lambda x: jnp.pad(x, [(0, missing)] + [(0, 0)] * (x.ndim - 1)), objects)
+    _, index = jax.lax.top_k(-distance, params.n_objects)
+    return jax.tree.map(lambda x: x[index], objects)
