@@ -1,7 +1,5 @@
 """highway-env's environments, opened so that any ego can drive them."""
 
-import os
-import tempfile
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,6 @@ def open_environment(name: str, **config: Any) -> Any:
 
     Rewards are left out: some are defined for discrete actions only. Raises ConfigError for an unknown name.
     """
-    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # its renderer complains without one
     import gymnasium
     import highway_env  # noqa: F401  registers its environments
     from gymnasium.envs.registration import load_env_creator

@@ -7,7 +7,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from urbanjax.io.highway.environment import EGO_COLOUR, FREQUENCY, end_is_near
-from urbanjax.io.highway.measure import time_to_collision
 
 
 @runtime_checkable
@@ -35,8 +34,8 @@ class Episode:
     position: np.ndarray  # [N, 2] m, centre of the ego
     heading: np.ndarray  # [N] rad
     speed: np.ndarray  # [N] m/s
-    ttc: np.ndarray  # [N] s, inf when nothing is ahead
     on_road: np.ndarray  # [N] bool
+    others: np.ndarray  # [N, V, 6] x, y (m), heading (rad), speed (m/s), length, width (m) of vehicles and obstacles
     collision: bool
     step_seconds: list[float]
     frames: list[np.ndarray]  # RGB pictures, if any were asked for
@@ -105,7 +104,8 @@ def drive(
 
 def _row(env: Any, step: int) -> tuple:
     ego = env.vehicle
-    obstacles = [thing for thing in env.road.objects if thing.solid]
-    ttc = time_to_collision(ego, [*env.road.vehicles, *obstacles]) if not ego.crashed else 0.0
+    things = [thing for thing in [*env.road.vehicles, *env.road.objects] if thing is not ego and thing.solid]
+    others = [(t.position[0], -t.position[1], -t.heading, t.speed, t.LENGTH, t.WIDTH) for t in things]
     position = ego.position * np.array([1.0, -1.0])
-    return step / FREQUENCY, position, -float(ego.heading), float(ego.speed), ttc, bool(ego.on_road)
+    state = position, -float(ego.heading), float(ego.speed), bool(ego.on_road)
+    return step / FREQUENCY, *state, np.reshape(others, (-1, 6))

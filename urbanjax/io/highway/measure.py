@@ -1,49 +1,53 @@
-"""What is measured of a drive in highway-env."""
+"""What is measured of a drive in highway-env, with the metrics of our own simulator."""
 
-from typing import Any
-
+import jax
+import jax.numpy as jnp
 import numpy as np
 
+from urbanjax.io.highway.episode import Episode
+from urbanjax.sim import metrics
+from urbanjax.sim.log import Log
+from urbanjax.types import Objects, VehicleState
+from urbanjax.vehicle.params import VehicleParams
 
-def time_to_collision(ego: Any, others: list[Any], horizon: float = 20.0) -> float:
-    """Time in s until the ego's box first touches another's when all keep their velocity; inf beyond `horizon`.
+BOX = VehicleParams(length=5.0, width=2.0)  # highway-env's vehicles
 
-    Exact for boxes that translate: on each axis of the two boxes the times of overlap form an interval, and they
-    touch while all four intervals hold.
+
+def time_to_collision(episode: Episode, steps: int | None = None) -> np.ndarray:
+    """[N] s until boxes meet if all keep their velocity, per sample of the drive; inf where they never would.
+
+    Args: steps, samples to pad to, so that drives of different lengths share one compiled program.
     """
-    near = [other for other in others if other is not ego and not other.crashed]
-    if not near:
-        return np.inf
-    position = np.array([other.position for other in near]) - ego.position
-    velocity = np.array([other.velocity for other in near]) - ego.velocity
-    half = np.array([[other.LENGTH, other.WIDTH] for other in near]) / 2
-    along = np.array([other.direction for other in near])
-    own = np.broadcast_to(ego.direction, along.shape)
-    own_half = np.broadcast_to(np.array([ego.LENGTH, ego.WIDTH]) / 2, half.shape)
-    first, last = np.zeros(len(near)), np.full(len(near), horizon)
-    for axis in (own, _left(own), along, _left(along)):
-        reach = _extent(own, own_half, axis) + _extent(along, half, axis)
-        begin, end = _overlap(np.sum(position * axis, -1), np.sum(velocity * axis, -1), reach)
-        first, last = np.maximum(first, begin), np.minimum(last, end)
-    hit = first < last
-    return float(first[hit].min()) if hit.any() else np.inf
+    count = len(episode.time)
+    if episode.others.shape[1] == 0:
+        return np.full(count, np.inf)
+    found = np.asarray(_box_ttc(_log(episode, count if steps is None else max(steps, count))))[:count]
+    return np.where(found < metrics.FAR, found, np.inf)
 
 
-def _left(direction: np.ndarray) -> np.ndarray:
-    return np.stack([-direction[:, 1], direction[:, 0]], -1)
+@jax.jit
+def _box_ttc(log: Log) -> jax.Array:
+    return metrics.box_ttc(log, BOX)
 
 
-def _extent(direction: np.ndarray, half: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    along, across = np.sum(direction * axis, -1), np.sum(_left(direction) * axis, -1)
-    return half[:, 0] * np.abs(along) + half[:, 1] * np.abs(across)
+def _log(episode: Episode, steps: int) -> Log:
+    """The drive as far as the time to collision looks at it, its last sample repeated up to `steps`."""
 
+    def padded(values: np.ndarray) -> jax.Array:
+        return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], steps - len(values), axis=0)]), dtype)
 
-def _overlap(distance: np.ndarray, speed: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times between which |distance + speed t| <= reach."""
-    still = np.abs(speed) < 1e-9
-    speed = np.where(still, 1.0, speed)
-    times = np.sort(np.stack([(-reach - distance) / speed, (reach - distance) / speed]), axis=0)
-    inside = np.abs(distance) <= reach
-    begin = np.where(still, np.where(inside, -np.inf, np.inf), times[0])
-    end = np.where(still, np.where(inside, np.inf, -np.inf), times[1])
-    return begin, end
+    dtype = jnp.zeros(()).dtype
+    others = padded(episode.others)
+    heading, speed = padded(episode.heading), padded(episode.speed)
+    ego = VehicleState(position=None, heading=heading, speed=speed, acceleration=None, steering=None)
+    traffic = Objects(others[..., :2], *(others[..., i] for i in range(2, 6)), valid=jnp.ones(others.shape[:2], bool))
+    return Log(
+        time=padded(episode.time),
+        ego=ego,
+        command=None,
+        centre=padded(episode.position),
+        along=None,
+        offset=None,
+        road_margin=None,
+        traffic=traffic,
+    )
