@@ -2,13 +2,15 @@ import subprocess
 import sys
 
 PROGRAM = """
-import importlib, pkgutil, sys
+import importlib, pathlib, sys
 import urbanjax
 from jax._src import xla_bridge
 
-for module in pkgutil.walk_packages(urbanjax.__path__, "urbanjax.", onerror=lambda name: None):
-    if not module.name.startswith("urbanjax.io"):
-        importlib.import_module(module.name)
+top = pathlib.Path(urbanjax.__file__).parent
+for path in top.rglob("*.py"):
+    parts = path.relative_to(top.parent).with_suffix("").parts
+    if parts[1] != "io":
+        importlib.import_module(".".join(parts))
 heavy = {"hydra", "omegaconf", "matplotlib", "gymnasium", "highway_env", "pyarrow", "jinja2"}
 print(*sorted(heavy & set(sys.modules)), *(["a device"] if xla_bridge.backends_are_initialized() else []))
 """
