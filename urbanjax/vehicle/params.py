@@ -1,5 +1,7 @@
 """The vehicle's dimensions and limits."""
 
+from jax import Array
+
 from urbanjax.types import pytree
 
 
@@ -18,6 +20,6 @@ class VehicleParams:
     max_speed: float = 40.0  # m/s
 
     @property
-    def centre_offset(self) -> float:
+    def centre_offset(self) -> float | Array:
         """Distance from the rear axle forward to the centre of the box, in metres."""
         return self.length / 2 - self.rear_overhang
