@@ -83,6 +83,9 @@ def decide(
     braking = interaction(traffic.speed, new_leader.gap, new_leader.speed, idm)
     braking = jnp.maximum(braking, _end_braking(lanes, traffic, side_chain, half, idm))
     wants = _wants(lanes, traffic, drivers, new_leader, new_follower, braking, seen, params)
+    leaving = jnp.abs(bodies.other_station[:, None] - station[None, :]) - bodies.half[:, None] - half[None, :]
+    blocks = seen & (bodies.other[:, None] == link[None, :]) & (leaving < params.min_gap)
+    wants = wants & ~jnp.any(blocks, axis=0)
     room = traffic.station + traffic.speed * params.change_duration < lanes.graph.length[traffic.link]
     room = room | lanes.ends[traffic.link]
     starts = wants & room & side.permitted & ~changing & (traffic.moved >= 1)

@@ -78,7 +78,8 @@ def yield_distance(
     inside_other = jnp.where(bodies.other_station > -0.5 * FAR, GONE, FAR)
     nobody = jnp.full(lanes.graph.length.shape, FAR, distance.dtype)
     entered = nobody.at[there].min(claim).at[here].min(inside).at[bodies.other].min(inside_other)
-    rival = jnp.minimum(_crossing(lanes.graph, there, entered), _merging(lanes.graph, here, there, nobody, claim))
+    crossing = jnp.min(jnp.where(lanes.has_rival[there], entered[lanes.rival[there]], FAR), axis=-1)
+    rival = jnp.minimum(crossing, _merging(lanes.graph, here, there, nobody, claim))
     watched = distance < conflict_range + stopping_distance(bodies.speed, deceleration)
     return jnp.where((rival < claim) & (claim > 0.5 * GONE) & watched, distance, FAR)
 
@@ -93,12 +94,6 @@ def _claim(
     claim = distance / jnp.maximum(speed, 1.0) + patience * rank + 1e-3 * here
     committed = stopping_distance(speed, 1.5 * deceleration) > jnp.maximum(distance, 0.1)
     return jnp.where(committed, GONE, claim).astype(distance.dtype)
-
-
-def _crossing(graph: RoadGraph, there: Array, entered: Array) -> Array:
-    """Earliest claim [s] on links that conflict with `there`, where that is inside a junction."""
-    conflicts = graph.has_conflict[there] & (graph.road_type[there] == RoadType.JUNCTION)[:, None]
-    return jnp.min(jnp.where(conflicts, entered[graph.conflict[there]], FAR), axis=-1)
 
 
 def _merging(graph: RoadGraph, here: Array, there: Array, nobody: Array, claim: Array) -> Array:

@@ -111,7 +111,7 @@ def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficPara
     intrudes = seen.exists[side] & (seen.reach[side] > 0)
     other_station = jnp.where(intrudes, seen.station[side], -FAR)
 
-    def join(array: Array, ego: Array | float) -> Array:
+    def join(array: Array, ego: Array | float | int) -> Array:
         return jnp.concatenate([array, jnp.asarray(ego, array.dtype)[None]])
 
     them = agents.bodies_of(traffic)

@@ -59,9 +59,7 @@ def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: Lanes) ->
     return Scenario(state, link, lanes.graph.predecessor[link, 0].astype(jnp.int32), jnp.asarray(True))
 
 
-def scatter(
-    key: Array, lanes: Lanes, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]
-) -> Traffic:
+def scatter(key: Array, lanes: Lanes, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]) -> Traffic:
     """Vehicles at distinct random places, which are `spacing` apart along each link."""
     graph = lanes.graph
     n_places = int(jnp.max(graph.length) // params.spacing) if graph.length.size else 0
