@@ -1,0 +1,119 @@
+"""Room between the ego's box along a plan and every predicted box, at the time each point is passed."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.geometry.boxes import Box, relaxed_box_gap
+from urbanjax.numerics import soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning.basis import product
+from urbanjax.planning.prediction import time_weights
+from urbanjax.types import Prediction, VehicleState, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class ClearanceParams:
+    """How clearance is told."""
+
+    far: float = 100.0  # m, more than this counts as this
+    margin: float = 0.0  # m, kept free before and behind the ego
+    gap_scale: float = 0.5  # m, difference in gap that counts as clear
+    follower_scale: float = 0.5  # m, by which a vehicle must clearly be behind
+    follower_heading: float = 0.5  # cosine of the heading difference above which a vehicle goes our way
+
+
+@pytree
+class Passage:
+    """Points that the ego passes: n poses of its rear axle, each with the time and the way covered around it."""
+
+    position: Array  # [n, 2] m, rear axle
+    heading: Array  # [n] rad
+    time: Array  # [n] s
+    step: Array  # [n] m, distance between consecutive points; 0 where only the points themselves count
+    step_time: Array  # [n] s, time for it
+
+
+def ego_boxes(passage: Passage, vehicle: VehicleParams, origin: Float[Array, "2"]) -> Box:
+    """Boxes [n] of the ego at the points of a passage, relative to `origin` (m)."""
+    cos, sin = jnp.cos(passage.heading), jnp.sin(passage.heading)
+    return Box(
+        x=passage.position[:, 0] - origin[0] + vehicle.centre_offset * cos,
+        y=passage.position[:, 1] - origin[1] + vehicle.centre_offset * sin,
+        cos=cos,
+        sin=sin,
+        half_length=jnp.asarray(vehicle.length / 2, cos.dtype),
+        half_width=jnp.asarray(vehicle.width / 2, cos.dtype),
+    )
+
+
+def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Float[Array, "2"]) -> Box:
+    """Boxes [n, B] of every object and branch at times [n] (s), relative to `origin` (m).
+
+    The heading is interpolated as a unit vector, which spares trigonometry for each box.
+    """
+    local = prediction.position - origin[None, None, :]
+    table = jnp.stack([local[..., 0], local[..., 1], jnp.cos(prediction.heading), jnp.sin(prediction.heading)])
+    sampled = product(time_weights(prediction, time), table.transpose(2, 0, 1))
+    x, y, cos, sin = (sampled[:, i] for i in range(4))
+    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)
+    half_length, half_width = prediction.length[None, :] / 2, prediction.width[None, :] / 2
+    return Box(x=x, y=y, cos=cos * size, sin=sin * size, half_length=half_length, half_width=half_width)
+
+
+def gaps(
+    passage: Passage,
+    prediction: Prediction,
+    ignored: Float[Array, "b"],
+    vehicle: VehicleParams,
+    params: ClearanceParams,
+    relaxation: Relaxation,
+) -> Float[Array, "n b"]:
+    """Signed gap [n, B] (m) between the ego at each point and each predicted box when the point is passed.
+
+    The ego is lengthened by the way it covers *relative* to the object between points, so that nothing is skipped: by
+    one step against a parked car, not at all behind a leader of equal speed. Args: ignored [B], degree to which an
+    object does not count.
+    """
+    origin = passage.position[0]
+    ego, other = ego_boxes(passage, vehicle, origin), predicted_boxes(prediction, passage.time, origin)
+    along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
+    swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
+    half_length = ego.half_length + params.margin + jnp.abs(swept) / 2
+    ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
+    room = relaxed_box_gap(ego, other, relaxation, params.gap_scale) + params.far * ignored[None, :]
+    return jnp.minimum(jnp.where(prediction.valid[None, :], room, params.far), params.far)
+
+
+def followers(
+    state: VehicleState,
+    prediction: Prediction,
+    vehicle: VehicleParams,
+    params: ClearanceParams,
+    relaxation: Relaxation,
+) -> Float[Array, "b"]:
+    """Degree to which each object [B] follows the ego: behind it, going its way, bound to reach where it stands now.
+
+    At constant speed every follower would run into an ego that is slower or sets off; keeping that gap is the
+    follower's part. A vehicle behind in another lane does not come where the ego stands, and so still counts.
+    """
+    n = prediction.time.shape[0]
+    ones = jnp.ones_like(prediction.time)
+    here = Passage(
+        position=ones[:, None] * state.position[None, :],
+        heading=ones * state.heading,
+        time=prediction.time,
+        step=jnp.zeros(n, ones.dtype),
+        step_time=ones * (prediction.time[1] - prediction.time[0]),
+    )
+    nobody = jnp.zeros_like(prediction.speed)
+    reaches = jnp.min(gaps(here, prediction, nobody, vehicle, params, relaxation), axis=0)
+    cos, sin = jnp.cos(state.heading), jnp.sin(state.heading)
+    rear = prediction.position[:, 0] - state.position[None, :]
+    ahead = rear[:, 0] * cos + rear[:, 1] * sin + prediction.length / 2 + vehicle.rear_overhang
+    same_way = jnp.cos(prediction.heading[:, 0] - state.heading)
+    behind = soft.above(-ahead, 0.0, relaxation, scale=params.follower_scale)
+    hits = soft.above(-reaches, 0.0, relaxation, scale=params.follower_scale)
+    goes = soft.above(same_way, params.follower_heading, relaxation, scale=0.5)
+    return behind * hits * goes

@@ -1,0 +1,80 @@
+"""Cost terms of planning, one short function each; weights stay outside (Eq. 13, 14, 22, 23)."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import safe
+
+BARRIERS = ("hinge", "gaussian")
+
+
+def barrier(clearance: Float[Array, "*s"], threshold: float | Array, kind: str = "hinge") -> Float[Array, "*s"]:
+    """Cost of being near: (c0 - c)^2 (m^2) below the threshold c0, or as `gaussian` exp(-(c / c0)^2 / 2) (no unit).
+
+    The printed + k ||O - N|| rewards nearness to obstacles; this one falls with clearance. Args: clearance, signed m.
+    """
+    if kind == "gaussian":
+        return jnp.exp(-((jnp.maximum(clearance, 0) / threshold) ** 2) / 2)
+    missing = jnp.maximum(threshold - clearance, 0)
+    return missing * missing
+
+
+def smooth_abs(x: Float[Array, "*s"], rounding: float = 1e-3) -> Float[Array, "*s"]:
+    """|x| with a rounded tip: 0 at 0 and differentiable there, at most `rounding` below |x|."""
+    return jnp.sqrt(x * x + rounding * rounding) - rounding
+
+
+def excess_length(across: Float[Array, "*s"], along: float | Array) -> Float[Array, "*s"]:
+    """sqrt(along^2 + across^2) - along, the detour (m) of a step that moves sideways, without cancellation."""
+    return across * across / (jnp.sqrt(along * along + across * across) + along)
+
+
+def integral(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
+    """Trapezoidal integral over the last axis. Args: values at K points; step [.., K-1] between them."""
+    return jnp.sum((values[..., 1:] + values[..., :-1]) / 2 * step, axis=-1)
+
+
+def segments(position: Float[Array, "*s k 2"]) -> Float[Array, "*s e"]:
+    """Distance (m) between consecutive points, [.., K-1]."""
+    return safe.norm(position[..., 1:, :] - position[..., :-1, :])
+
+
+def length(step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
+    """Travelled distance f (m) of Eq. 24."""
+    return jnp.sum(step, axis=-1)
+
+
+def curvature(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
+    """Integral of |kappa| ds (rad), the second term of Eq. 22."""
+    return integral(smooth_abs(kappa, 1e-4), step)
+
+
+def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
+    """Integral of (d kappa / ds)^2 ds (1/m^3)."""
+    change = kappa[..., 1:] - kappa[..., :-1]
+    return jnp.sum(safe.divide(change * change, step), axis=-1)
+
+
+def deviation(
+    offset: Float[Array, "*s k"], other: Float[Array, "*s k"], counts: Float[Array, "*s k"], step: Float[Array, "*s e"]
+) -> Float[Array, "*s"]:
+    """Integral of |offset - other| ds (m^2) at equal station, where it counts (Eq. 23).
+
+    The printed index-wise distance punishes driving on.
+    """
+    return integral(smooth_abs(offset - other) * counts, step)
+
+
+def slowness(
+    speed: Float[Array, "*s k"], desired: Float[Array, "*s k"], time: Float[Array, "*s k"]
+) -> Float[Array, "*s"]:
+    """Integral of (v_des - v)^2 dt (m^2/s): Eq. 24's length alone would reward not to drive."""
+    return integral((desired - speed) ** 2, jnp.diff(time, axis=-1))
+
+
+def lateral_acceleration(
+    speed: Float[Array, "*s k"], kappa: Float[Array, "*s k"], time: Float[Array, "*s k"]
+) -> Float[Array, "*s"]:
+    """Integral of (v^2 kappa)^2 dt (m^2/s^3)."""
+    return integral((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))

@@ -1,0 +1,204 @@
+"""Micro planning: the candidate that costs least and breaks no limit (Eq. 22-24)."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning import costs
+from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
+from urbanjax.planning.corridor import covered
+from urbanjax.planning.previous import Previous, profile
+from urbanjax.planning.primitives import Fan
+from urbanjax.types import Path, Prediction, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+MICRO_TERMS = (
+    "length",
+    "obstacle",
+    "curvature",
+    "curvature_rate",
+    "transition",
+    "macro",
+    "slowness",
+    "lateral_acceleration",
+)
+REASONS = ("curvature", "lateral_acceleration", "collision", "off_road")
+
+
+@pytree
+class MicroWeights:
+    """Weight of each of MICRO_TERMS; the unit of all of them is metres of way."""
+
+    length: float = 1.0  # per m
+    obstacle: float = 1.0  # per m^2 of missing clearance and m of way
+    curvature: float = 2.0  # per rad of turn
+    curvature_rate: float = 200.0  # per 1/m^3
+    transition: float = 0.05  # per m beside the previous path and m of way
+    macro: float = 0.1  # per m beside the macro plan and m of way
+    slowness: float = 0.02  # per m^2/s
+    lateral_acceleration: float = 0.05  # per m^2/s^3
+
+
+@pytree
+class MicroParams:
+    """What candidates pay, and what makes them infeasible."""
+
+    weights: MicroWeights = MicroWeights()
+    clearance: ClearanceParams = ClearanceParams()
+    min_clearance: float = 0.6  # m, below which the obstacle term sets in
+    collision_horizon: float = 5.0  # s, a collision farther ahead is not one yet
+    horizon_fade: float = 1.0  # s, over which obstacles fade out after it
+    max_lateral_acceleration: float = 4.0  # m/s^2
+    steering_share: float = 0.95  # of the largest curvature that steering can follow
+    edge_tolerance: float = 0.1  # m, by which the footprint may leave the road
+    recovery: float = 3.0  # s, within which a vehicle that is off the road has to be back on it
+    infeasible: float = 1e3  # m, cost of each limit that is broken
+    choice_scale: float = 1.0  # m of cost that count as clearly cheaper
+    curvature_scale: float = 0.01  # 1/m, clearly within the limit
+    acceleration_scale: float = 0.5  # m/s^2
+    collision_scale: float = 0.2  # m
+    edge_scale: float = 0.1  # m
+    barrier: str = static(default="hinge")  # one of costs.BARRIERS
+
+
+@pytree
+class MicroPlan:
+    """The chosen candidate, and all that led to the choice."""
+
+    path: Path
+    time: Array  # [K] s, of passing each point of the path
+    speed: Array  # [K] m/s, assumed there
+    weights: Array  # [J] one-hot in mode hard
+    terms: Array  # [J, C] weighted cost by MICRO_TERMS
+    cost: Array  # [J] their sum and the penalties of broken limits
+    reasons: Array  # [J, R] bool, limits of REASONS that a candidate breaks
+    margin: Array  # [J] m, smallest clearance within the collision horizon
+    chosen: Array  # [] int, the candidate of largest weight
+    runner_up: Array  # [] int, the cheapest of the others
+    feasible: Array  # [] degree: the choice breaks no limit
+    clearance: Array  # [] m, of the choice
+
+
+def select(
+    fan: Fan,
+    prediction: Prediction,
+    previous: Previous,
+    vehicle: VehicleParams,
+    params: MicroParams,
+    relaxation: Relaxation,
+) -> MicroPlan:
+    """The cheapest candidate that breaks no limit, or the least bad one where all do (Eq. 24).
+
+    All candidates end at the same station, so that Eq. 24's length does not reward to stay behind.
+    """
+    room = clearance(fan, prediction, vehicle, params, relaxation)
+    terms = weighted_terms(fan, room, previous, params)
+    margins = limit_margins(fan, room, vehicle, params)
+    scales = (params.curvature_scale, params.acceleration_scale, params.collision_scale, params.edge_scale)
+    broken = jnp.stack(
+        [soft.above(-m, 0.0, relaxation, scale=s) for m, s in zip(margins, scales, strict=True)], axis=-1
+    )
+    cost = jnp.sum(terms, axis=1) + params.infeasible * jnp.sum(broken, axis=1)
+    weights = soft.choose(cost, relaxation, params.choice_scale)
+    chosen = jnp.argmax(weights)
+    others = jnp.where(jnp.arange(cost.shape[0]) == chosen, jnp.inf, cost)
+
+    def mean(x: Array) -> Array:
+        return jnp.tensordot(weights, x, axes=1, precision=jax.lax.Precision.HIGHEST)
+
+    return MicroPlan(
+        path=Path(
+            station=fan.station,
+            offset=mean(fan.offset),
+            position=fan.position[0, :1] + mean(fan.position - fan.position[:1, :1]),
+            heading=mean(fan.heading),
+            curvature=mean(fan.curvature),
+        ),
+        time=mean(fan.time),
+        speed=mean(fan.speed),
+        weights=weights,
+        terms=terms,
+        cost=cost,
+        reasons=jnp.stack(margins, axis=-1) < 0,
+        margin=margins[REASONS.index("collision")],
+        chosen=chosen,
+        runner_up=jnp.argmin(others),
+        feasible=mean(jnp.prod(1 - broken, axis=1)),
+        clearance=mean(margins[REASONS.index("collision")]),
+    )
+
+
+def fade(time: Float[Array, "*s"], params: MicroParams) -> Float[Array, "*s"]:
+    """How much an obstacle counts at a time ahead: 1 within the collision horizon, then falling smoothly to 0."""
+    u = jnp.clip((time - params.collision_horizon) / params.horizon_fade, 0, 1)
+    return 1 - u * u * (3 - 2 * u)
+
+
+def clearance(
+    fan: Fan,
+    prediction: Prediction,
+    vehicle: VehicleParams,
+    params: MicroParams,
+    relaxation: Relaxation,
+) -> Float[Array, "j k"]:
+    """Smallest gap [J, K] (m) from the ego's box at each point, when it is passed, to any predicted box."""
+    time = fan.time.reshape(-1)
+    still = jnp.zeros_like(time)
+    passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time, step=still, step_time=still)
+    room = gaps(passage, prediction, fan.follower, vehicle, params.clearance, relaxation)
+    return jnp.min(room, axis=1).reshape(fan.time.shape)
+
+
+def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, params: MicroParams) -> Float[Array, "j c"]:
+    """Weighted cost terms [J, C] by MICRO_TERMS (Eq. 22-24). Args: room [J, K] m, clearance at each point."""
+    step = costs.segments(fan.position)
+    last, counts = profile(previous, fan.station)
+    near = costs.barrier(room, params.min_clearance, params.barrier) * fade(fan.time, params)
+    every = jnp.ones_like(fan.station)[None, :]
+    terms = {
+        "length": costs.length(step),
+        "obstacle": costs.integral(near, step),
+        "curvature": costs.curvature(fan.curvature, step),
+        "curvature_rate": costs.curvature_rate(fan.curvature, step),
+        "transition": costs.deviation(fan.offset, last[None, :], counts[None, :], step),
+        "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], every, step),
+        "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], fan.time),
+        "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, fan.time),
+    }
+    return jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=-1)
+
+
+def limit_margins(
+    fan: Fan, room: Float[Array, "j k"], vehicle: VehicleParams, params: MicroParams
+) -> tuple[Float[Array, "j"], ...]:
+    """How far each candidate [J] stays within each limit of REASONS, negative where it breaks it."""
+    steering = params.steering_share * jnp.tan(jnp.asarray(vehicle.max_steering, room.dtype)) / vehicle.wheelbase
+    sharp = jnp.max(jnp.abs(fan.curvature), axis=1)
+    across = jnp.max(fan.speed**2 * jnp.abs(fan.curvature), axis=1)
+    soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
+    outside = off_road(fan, vehicle)
+    excused = outside[:, :1] * jnp.clip(2 - fan.time / params.recovery, 0, 1)
+    return (
+        steering - sharp,
+        params.max_lateral_acceleration - across,
+        jnp.min(soon, axis=1),
+        params.edge_tolerance - jnp.max(outside - excused, axis=1),
+    )
+
+
+def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
+    """Width [J, K] (m) of the ego's footprint that lies on no lane it may use.
+
+    May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used.
+    """
+    road = fan.road
+    turned = fan.heading - road.heading[None, :]
+    cos, sin = jnp.abs(jnp.cos(turned)), jnp.sin(turned)
+    half_width = (vehicle.width * cos + vehicle.length * costs.smooth_abs(sin)) / 2
+    middle = fan.offset + vehicle.centre_offset * sin
+    usable = road.present * (1 - road.oncoming * jnp.minimum(road.barred, 1))
+    covers = covered(middle.T, half_width.T, road) * usable[:, None, :]
+    return 2 * half_width - jnp.sum(covers, axis=-1).T

@@ -1,0 +1,17 @@
+"""Everything that planning can be told."""
+
+from urbanjax.planning.macro import MacroParams
+from urbanjax.planning.micro import MicroParams
+from urbanjax.planning.prediction import PredictionParams
+from urbanjax.planning.primitives import PrimitiveParams
+from urbanjax.types import pytree
+
+
+@pytree
+class PlanningParams:
+    """Prediction, macro planning, primitives and micro planning."""
+
+    prediction: PredictionParams = PredictionParams()
+    macro: MacroParams = MacroParams()
+    primitives: PrimitiveParams = PrimitiveParams()
+    micro: MicroParams = MicroParams()

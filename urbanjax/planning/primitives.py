@@ -1,0 +1,158 @@
+"""Motion primitives: a fan of candidate paths from the vehicle's state onto the macro plan (Eq. 16-21)."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.planning import shape
+from urbanjax.planning.corridor import Corridor, corridor
+from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
+from urbanjax.planning.quintic import EndState, Lateral, planar, stationwise
+from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.types import VehicleState, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class PrimitiveParams:
+    """The grid of end states, and the station grid that all candidates share."""
+
+    offsets: tuple[float, ...] = (-1.2, -0.7, -0.3, 0.0, 0.3, 0.7, 1.2)  # m beside the macro plan
+    durations: tuple[float, ...] = (2.0, 3.0, 4.5)  # s
+    speed_factors: tuple[float, ...] = (0.5, 1.0)  # of the free-flow speed at that time
+    deceleration: float = 4.0  # m/s^2, to reach a lower end speed
+    min_speed: float = 0.5  # m/s, at the end
+    min_length: float = 8.0  # m, of the quintic
+    return_length: float = 25.0  # m, over which a candidate goes back to the macro plan beyond its end state
+    low_speed: float = 2.0  # m/s, where the lateral offset over station replaces the quintics over time
+    low_speed_ramp: float = 1.0  # m/s, to either side, over which the two blend
+    path_horizon: float = 6.0  # s, covered by the grid at the present speed
+    min_spacing: float = 1.0  # m, of the grid
+    max_spacing: float = 3.0  # m
+    n_points: int = static(default=41)
+
+
+@pytree
+class Fan:
+    """J candidates on one grid of K stations, with what the costs need to know of the road there."""
+
+    station: Array  # [K] m along the route
+    offset: Array  # [J, K] m, left positive
+    position: Array  # [J, K, 2] m
+    heading: Array  # [J, K] rad
+    curvature: Array  # [J, K] 1/m
+    time: Array  # [J, K] s, of passing each point
+    speed: Array  # [J, K] m/s
+    end: EndState
+    follower: Array  # [B] degree to which an object follows the ego, and so does not count
+    road: Corridor  # at the K stations
+    macro_offset: Array  # [K] m
+    free_speed: Array  # [K] m/s
+
+
+def generate(
+    window: ExtendedGraph,
+    progress: Progress,
+    state: VehicleState,
+    macro: MacroPlan,
+    vehicle: VehicleParams,
+    params: PrimitiveParams,
+) -> Fan:
+    """Candidates of offsets x durations x end speeds, with position, heading and curvature continuous everywhere.
+
+    Each is a quintic to its end state beside the macro plan (Eq. 16-18), and from there on the macro plan, to which the
+    lateral difference decays; so all reach over the same stations and compare fairly. Below `low_speed`, where x(t)
+    and y(t) degenerate, the lateral offset as a quintic of station takes over.
+    """
+    spacing = state.speed * params.path_horizon / (params.n_points - 1)
+    spacing = jnp.clip(spacing, params.min_spacing, params.max_spacing)
+    ahead = spacing * jnp.arange(params.n_points).astype(spacing.dtype)
+    end = end_states(state, macro, params)
+    # End states differ in station by duration and speed only.
+    n, repeats = params.n_points, len(params.offsets)
+    sampled = corridor(window, jnp.concatenate([progress.station + ahead, end.station[::repeats]]))
+    road = jax.tree.map(lambda x: x[:n], sampled)
+    at_end = jax.tree.map(lambda x: jnp.repeat(x[n:], repeats, axis=0), sampled)
+    curvature = jnp.tan(state.steering) / vehicle.wheelbase
+
+    over_time = planar(state, curvature, end, at_end, road)
+    over_station = stationwise(progress, state, curvature, end, road)
+    ramp = jnp.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1, 1)
+    fast = (2 + 3 * ramp - ramp**3) / 4
+    joined = jax.tree.map(lambda a, b: fast * a + (1 - fast) * b, over_time, over_station)
+    beyond = continuation(macro, end, road.station, params)
+    inside = ahead[None, :] <= end.length[:, None]
+    lateral = jax.tree.map(lambda a, b: jnp.where(inside, a, b), joined, beyond)
+
+    heading, kappa = shape.to_plane(
+        road.heading[None, :], road.curvature[None, :], lateral.offset, lateral.slope, lateral.bend
+    )
+    left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
+    return Fan(
+        station=road.station,
+        offset=lateral.offset,
+        position=road.position[None] + lateral.offset[..., None] * left[None],
+        heading=heading,
+        curvature=kappa,
+        time=lateral.time,
+        speed=lateral.speed,
+        end=end,
+        follower=macro.follower,
+        road=road,
+        macro_offset=offset_at(macro, road.station)[0],
+        free_speed=profile_at(macro, road.station)[1],
+    )
+
+
+def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -> EndState:
+    """The grid of J end states beside the macro plan (Eq. 16), offsets fastest.
+
+    End speeds are shares of the free-flow speed at that time, within reach of braking; the look-ahead is what uniform
+    acceleration to them covers, and at least `min_length`, for which the duration is then prolonged.
+    """
+    dtype = state.speed.dtype
+    durations, factors, offsets = (
+        jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.offsets)
+    )
+    time = jnp.concatenate([jnp.zeros(1, dtype), macro.time])
+    free = jnp.interp(durations, time, jnp.concatenate([macro.start_speed[None], macro.speed]))
+    reachable = state.speed - params.deceleration * durations
+    speed = jnp.maximum(factors[None, :] * free[:, None], jnp.maximum(reachable, params.min_speed)[:, None])
+    mean = (state.speed + speed) / 2
+    length = jnp.maximum(mean * durations[:, None], params.min_length)
+
+    def over_offsets(x: Array) -> Array:
+        return jnp.repeat(x.reshape(-1), offsets.shape[0])
+
+    station = macro.start_station + over_offsets(length)
+    base, slope, bend = offset_at(macro, station)
+    beside = jnp.tile(offsets, speed.size)
+    return EndState(
+        station=station,
+        length=over_offsets(length),
+        duration=over_offsets(length / mean),
+        beside=beside,
+        speed=over_offsets(speed),
+        offset=base + beside,
+        slope=slope,
+        bend=bend,
+    )
+
+
+def continuation(macro: MacroPlan, end: EndState, station: Float[Array, "k"], params: PrimitiveParams) -> Lateral:
+    """Beyond its end state each candidate returns to the macro plan, at its share of the free-flow speed. [J, K]."""
+    base, slope, bend = offset_at(macro, station)
+    length = params.return_length
+    u = jnp.clip((station[None, :] - end.station[:, None]) / length, 0, 1)
+    beside = end.beside[:, None]
+    time, speed = profile_at(macro, station)
+    end_time, end_speed = profile_at(macro, end.station)
+    share = (end.speed / end_speed)[:, None]
+    return Lateral(
+        offset=base[None, :] + beside * (1 - u**3 * (10 - 15 * u + 6 * u * u)),
+        slope=slope[None, :] - beside * 30 * u**2 * (1 - u) ** 2 / length,
+        bend=bend[None, :] - beside * 60 * u * (1 - u) * (1 - 2 * u) / length**2,
+        time=end.duration[:, None] + (time[None, :] - end_time[:, None]) / share,
+        speed=share * speed[None, :],
+    )
