@@ -95,7 +95,7 @@ def _read(params_class: type[T], config: Any, runtime: Any) -> tuple[dict[str, A
     from omegaconf.errors import OmegaConfBaseException
 
     try:
-        values = OmegaConf.to_container(config, resolve=True)
+        values: Any = OmegaConf.to_container(config, resolve=True)
     except OmegaConfBaseException as error:
         raise ConfigError(str(error).splitlines()[0]) from error
     return values, configs.to_params(params_class, values, source=_source(values, params_class, runtime))

@@ -90,7 +90,7 @@ def to_params(params_class: type[T], config: Mapping[str, Any], prefix: str = ""
     type, a non-finite number, a negative size, a value out of the field's range and an empty grid.
     """
     check_keys(config, schema(params_class), source, prefix)
-    specs = {spec.name: spec for spec in dataclasses.fields(params_class)}
+    specs = {spec.name: spec for spec in dataclasses.fields(typing.cast(Any, params_class))}
     values = {
         name: _convert(specs[name], default_of(specs[name]), value, f"{prefix}{name}", source)
         for name, value in config.items()

@@ -85,7 +85,13 @@ def yield_distance(
 
 
 def _claim(
-    graph: RoadGraph, here: Array, there: Array, distance: Array, speed: Array, patience: Array, deceleration: Array
+    graph: RoadGraph,
+    here: Array,
+    there: Array,
+    distance: Array,
+    speed: Array,
+    patience: float | Array,
+    deceleration: float | Array,
 ) -> Array:
     """Time at which each driver claims its next link [s]: entering, plus `patience` per rank below priority."""
     turn = graph.turn[there]

@@ -66,7 +66,7 @@ def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, n_points: i
     elements = _closed(COURSE)
     line = trace([piece for element in elements for piece in element.pieces()])
     breaks, lanes, sections = [0.0], [], {}
-    n_signals = 0
+    n_signals = corner = 0
     for element in elements:
         length = sum(piece[0] for piece in element.pieces())
         n = len(evenly(length, STRAIGHT if element.length else CURVE)) - 1
@@ -90,7 +90,7 @@ def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, n_points: i
     for k in (corner - 1, corner + 1):
         sections[k]["area"] = "intersection C"
     breaks[-1] = line.length
-    common = {"lane_width": lane_width, "speed_limit": speed_limit}
+    common: dict[str, Any] = {"lane_width": lane_width, "speed_limit": speed_limit}
     specs = corridor("course", line, breaks, lanes, closed=True, sections=sections, **common)
     specs = _cross(specs, line, breaks, corner, n_signals, common)
     return assemble(specs, n_points)

@@ -72,6 +72,8 @@ def join(specs: Sequence[LaneSpec], pairs: Sequence[tuple[Any, Any]], area: str,
     keys = {start: (area, start, end) for start, end in pairs}
     for start, end in pairs:
         a, b = by_key[start], by_key[end]
+        assert a.heading is not None
+        assert b.heading is not None
         way = connect((*a.centre[-1], a.heading[-1]), (*b.centre[0], b.heading[0]))
         link = LaneSpec(
             keys[start],

@@ -144,7 +144,10 @@ def _succession(
 
 
 def _sides(
-    specs: Sequence[LaneSpec], neighbour: dict[str, np.ndarray], shape: tuple[np.ndarray, ...], pad: _Padding
+    specs: Sequence[LaneSpec],
+    neighbour: dict[str, np.ndarray],
+    shape: tuple[np.ndarray, np.ndarray, np.ndarray],
+    pad: _Padding,
 ) -> dict[str, Any]:
     """The graph's fields about left and right neighbours."""
     out = {}

@@ -119,4 +119,4 @@ def _crossing(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     a0, a1 = a[:, :-1, None], a[:, 1:, None]
     b0, b1 = b[:, None, :-1], b[:, None, 1:]
     apart = (side(a0, a1, b0) * side(a0, a1, b1) < 0) & (side(b0, b1, a0) * side(b0, b1, a1) < 0)
-    return apart.any((1, 2))
+    return np.any(apart, axis=(1, 2))

@@ -1,6 +1,7 @@
 """Plain roads: straight, two-way, curve, merge. Each returns a RoadGraph."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def two_way(
     ahead = _straight_line(length, (n_lanes + 0.5) * lane_width) if coinciding else line
     breaks = evenly(length, min(section, length))
     sections = len(breaks) - 1
-    common = {"lane_width": lane_width, "speed_limit": speed_limit}
+    common: dict[str, Any] = {"lane_width": lane_width, "speed_limit": speed_limit}
     forward = corridor("forward", ahead, breaks, [n_lanes + coinciding] * sections, area="forward", **common)
     backward = corridor("backward", line.reversed(), breaks, [n_opposite] * sections, area="backward", **common)
     # Leaving the last lane on the own side, to the left, is what crosses the centre of the road.

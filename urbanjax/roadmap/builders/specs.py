@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Hashable, Sequence
-from typing import no_type_check
+from typing import Any, no_type_check
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from urbanjax.types import RoadError
 class LaneSpec:
     """One lane as a builder or a map reader states it; `assemble` derives everything else."""
 
-    key: Hashable  # names the lane for `successors`, `left` and `right`
+    key: Any  # hashable; names the lane for `successors`, `left` and `right`
     centre: np.ndarray  # [n, 2] m, map coordinates, in driving direction
     heading: np.ndarray | None = None  # [n] rad, tangents of the centre line; without them it is a polyline
     width: float | np.ndarray = 3.5  # m, or [n] m beside the centre points; ignored where borders are given
