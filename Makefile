@@ -40,7 +40,7 @@ clean:
 
 $(INSTALLED): requirements.lock pyproject.toml
 	@if [ ! -x $(BIN)/python ]; then \
-	  for candidate in $(PYTHON); do \
+	  found=; for candidate in $(PYTHON); do \
 	    if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
 	  done; \
 	  if [ -z "$$found" ]; then \
