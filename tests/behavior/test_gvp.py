@@ -1,0 +1,51 @@
+"""Eq. 28-29: known answers, the 0/0 of plain lane following, and bounds."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.behavior import gvp
+from urbanjax.behavior.gvp import GVPParams
+
+
+def speeds(terminal, centre, tau, v_target=12.0, v_ego=4.0):
+    def pair(p):
+        return tuple(jnp.asarray(float(x)) for x in p)
+
+    return gvp.plan_speed(
+        pair(terminal), pair(centre), jnp.asarray(v_target), jnp.asarray(v_ego), GVPParams(tau=jnp.asarray(tau))
+    )
+
+
+def test_known_answer_midway():
+    """The path ends on the target lane; the vehicle is a quarter of the way over."""
+    plan = speeds(terminal=(0.0, 3.5), centre=(2.625, 0.875), tau=0.75)
+    assert float(plan.micro) == pytest.approx(12.0)
+    assert float(plan.cog) == pytest.approx(0.25 * 12 + 0.75 * 4)
+    assert float(plan.reference) == pytest.approx(0.75 * 12 + 0.25 * 6)
+
+
+@pytest.mark.parametrize(("tau", "expected"), [(0.0, 4.0), (1.0, 12.0)])
+def test_extremes_of_tau_at_the_start_of_a_lane_change(tau, expected):
+    plan = speeds(terminal=(0.0, 3.5), centre=(3.5, 0.0), tau=tau)
+    assert float(plan.reference) == pytest.approx(expected)
+
+
+def test_lane_following_has_finite_value_and_gradient():
+    def reference(d):
+        return speeds((d, d), (d, d), 0.5, v_target=7.0, v_ego=7.0).reference
+
+    def traced(d):
+        return gvp.blend(d, d, jnp.asarray(7.0), jnp.asarray(7.0))
+
+    assert float(reference(0.0)) == pytest.approx(7.0)
+    assert np.isfinite(jax.grad(traced)(jnp.asarray(0.0)))
+
+
+def test_reference_lies_between_the_two_speeds():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        d = rng.uniform(0, 4, 4)
+        plan = speeds(d[:2], d[2:], rng.uniform())
+        assert 4.0 - 1e-5 <= float(plan.reference) <= 12.0 + 1e-5

@@ -1,0 +1,84 @@
+"""Connecting paths: from the present pose onto a lane, and how clear they are at free-flow speed."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.geometry import frenet
+from urbanjax.numerics import polynomial, safe, soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
+from urbanjax.roadmap.extended import ExtendedGraph, Progress, sample, to_world
+from urbanjax.types import Path, Prediction, VehicleState, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class ConnectParams:
+    """How a path joins a lane."""
+
+    duration: float = 2.5  # s, to reach the lane's centre
+    min_length: float = 10.0  # m
+    terminal_time: float = 3.0  # s ahead, where the terminal point of a path lies (the t of Eq. 28)
+    terminal_distance: float = 15.0  # m ahead, at least
+
+
+def connect(
+    window: ExtendedGraph,
+    start: Progress,
+    state: VehicleState,
+    station: Float[Array, "k"],
+    lane: Float[Array, "k"],
+    params: ConnectParams,
+) -> Path:
+    """The path from the present pose that joins a lane by a quintic in station and then follows it.
+
+    Args: station [K] m, the shared grid, from the vehicle on; lane [K] m, offset of the lane's centre on it.
+    """
+    length = jnp.maximum(params.duration * state.speed, params.min_length)
+    lane_slope = jnp.gradient(lane, station[1] - station[0])
+    slope = jnp.tan(jnp.clip(start.heading_error, -1.0, 1.0)) - lane_slope[0]
+    zero = jnp.zeros_like(slope)
+    blend = polynomial.quintic((start.offset - lane[0], slope, zero), (zero, zero, zero), length)
+    deviation, first, second = polynomial.evaluate(blend, jnp.clip(station - station[0], 0, length))
+    offset = lane + deviation
+    road = sample(window, station)
+    heading, curvature = frenet.offset_curve(road.heading, road.curvature, offset, lane_slope + first, second)
+    position, _, _ = to_world(window, station, offset)
+    return Path(station=station, offset=offset, position=position, heading=heading, curvature=curvature)
+
+
+def mix(paths: list[Path], weights: Float[Array, "n"]) -> Path:
+    """The weighted sum of paths on one grid; with one-hot weights, the chosen path itself."""
+
+    def weighted(*values: Array) -> Array:
+        # Relative to the first path, so that large coordinates lose no precision.
+        return values[0] + sum(w * (v - values[0]) for w, v in zip(weights[1:], values[1:], strict=True))
+
+    return jax.tree.map(weighted, *paths)
+
+
+def room_along(
+    path: Path,
+    speed: Float[Array, "k"],
+    time: Float[Array, "k"],
+    horizon: float | Array,
+    prediction: Prediction,
+    follower: Float[Array, "b"],
+    vehicle: VehicleParams,
+    params: ClearanceParams,
+    relaxation: Relaxation,
+) -> Float[Array, ""]:
+    """Smallest gap in metres to any predicted box over a path, within a time `horizon` in seconds.
+
+    Args: speed, time [K], of passing each point; follower [B], degree to which an object does not count.
+    """
+    step = safe.norm(jnp.diff(path.position, axis=0, prepend=path.position[:1]))
+    passage = Passage(
+        position=path.position, heading=path.heading, time=time, step=step, step_time=jnp.diff(time, prepend=time[:1])
+    )
+    nearest = jnp.min(gaps(passage, prediction, follower, vehicle, params, relaxation), axis=1)
+    # Clearance beyond the horizon counts less and less within its last second, so that no object enters with a jump.
+    counts = jnp.clip(horizon - time, 0.0, 1.0)
+    return soft.minimum(nearest + (1 - counts) * params.far, relaxation, scale=params.gap_scale)

@@ -1,0 +1,32 @@
+"""Caps on the speed that do not come from traffic: limit, curves, stop line."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.behavior.situation import SignalAhead
+from urbanjax.types import Path, pytree
+from urbanjax.vehicle.limits import approach_speed, curve_speed, stop_speed
+
+
+@pytree
+class CapParams:
+    """Comfort in curves and before stops."""
+
+    lateral_acceleration: float = 2.5  # m/s^2
+    curve_deceleration: float = 1.5  # m/s^2, towards slower stretches ahead
+    stop_deceleration: float = 2.5  # m/s^2, towards a stop line
+    stop_margin: float = 1.5  # m, before the stop line
+    reaction_time: float = 0.3  # s
+
+
+def along(path: Path, speed_limit: Float[Array, "k"], params: CapParams) -> Float[Array, "k"]:
+    """Speed limit and curve speed at each point of a path, in m/s."""
+    return curve_speed(path.curvature, params.lateral_acceleration, speed_limit)
+
+
+def now(path: Path, cap: Float[Array, "k"], signal: SignalAhead, params: CapParams) -> Float[Array, ""]:
+    """Highest speed now, in m/s, from which every cap ahead and a red stop line can be met."""
+    curves = jnp.min(approach_speed(path.station - path.station[0], cap, params.curve_deceleration))
+    stop = stop_speed(signal.distance - params.stop_margin, params.stop_deceleration, params.reaction_time)
+    return jnp.minimum(curves, jnp.where(signal.red > 0.5, stop, curves))

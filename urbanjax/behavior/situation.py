@@ -1,0 +1,103 @@
+"""What the decision tree needs to know: free sides, room to stop, signals ahead."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.behavior.surroundings import Surroundings
+from urbanjax.behavior.tree import TSPSParams
+from urbanjax.numerics import safe, soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.graph import Turn
+from urbanjax.types import Signals, SignalState, VehicleState, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class Body:
+    """The ego vehicle along the route; all shapes []."""
+
+    rear: Array  # m, station of the rear bumper
+    front: Array  # m, station of the front bumper
+    offset: Array  # m, lateral
+    speed: Array  # m/s
+
+
+def body_of(start: Progress, state: VehicleState, vehicle: VehicleParams) -> Body:
+    """The ego's bumpers and centre along the route. Args: start, where its rear axle is on the route."""
+    rear = start.station - vehicle.rear_overhang
+    centre = start.offset + vehicle.centre_offset * jnp.sin(start.heading_error)
+    return Body(rear=rear, front=rear + vehicle.length, offset=centre, speed=state.speed)
+
+
+def beside(
+    surroundings: Surroundings, occupancy: Float[Array, "o"], body: Body, params: TSPSParams, relaxation: Relaxation
+) -> Float[Array, ""]:
+    """Degree to which some object of a lane stands in the side area: alongside, close ahead, or closing from behind.
+
+    Args: occupancy [O], degree of being in the lane that would be entered.
+    """
+    closing = jnp.maximum(surroundings.speed - body.speed, 0)
+    rear_gap = body.rear - (surroundings.station + surroundings.half_length)
+    front_gap = (surroundings.station - surroundings.half_length) - body.front
+    too_close_behind = soft.above(
+        params.side_rear + params.side_time * closing - rear_gap, 0.0, relaxation, scale=params.side_scale
+    )
+    too_close_ahead = soft.above(params.side_front - front_gap, 0.0, relaxation, scale=params.side_scale)
+    each = soft.both(occupancy, soft.both(too_close_behind, too_close_ahead))
+    return soft.negate(jnp.prod(soft.negate(each)))
+
+
+def entering(
+    lane: Float[Array, ""], body: Body, half_lane: float | Array, params: TSPSParams, relaxation: Relaxation
+) -> Float[Array, ""]:
+    """Degree to which a lane with its centre at offset `lane` is another than the one the vehicle is in."""
+    away = safe.sqrt((lane - body.offset) ** 2 + 1e-6)
+    return soft.above(away, half_lane, relaxation, scale=params.margin_scale)
+
+
+def can_stop(
+    surroundings: Surroundings, occupancy: Float[Array, "o"], body: Body, params: TSPSParams, relaxation: Relaxation
+) -> Float[Array, ""]:
+    """Degree to which braking below `emergency_deceleration` avoids every object of a lane ahead."""
+    gap = surroundings.station - surroundings.half_length - body.front
+    ahead = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
+    front_speed = jnp.maximum(surroundings.speed, 0)
+    closing = jnp.maximum(body.speed - front_speed, 0)
+    needed = closing**2 / (2 * jnp.maximum(gap, 0.5))
+    worst = jnp.max(occupancy * ahead * needed)
+    return soft.above(params.emergency_deceleration - worst, 0.0, relaxation, scale=1.0)
+
+
+@pytree
+class SignalAhead:
+    """The next stop line on the route."""
+
+    distance: Array  # [] m from the front bumper; large where there is none
+    red: Array  # [] 0 or 1: red or yellow
+    turning: Array  # [] 0 or 1: the route turns left or right beyond it
+
+
+def signal_ahead(window: ExtendedGraph, signals: Signals, body: Body, far: float = 1e3) -> SignalAhead:
+    """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state."""
+    distance = window.stop_station - body.front
+    ahead = window.has_stop & (distance > -1.0)
+    distance = jnp.where(ahead, distance, far)
+    nearest = jnp.argmin(distance)
+    signal = window.stop_signal[nearest]
+    red = jnp.zeros((), bool)
+    if signals.state.shape[0] > 0:
+        state = signals.state[signal]
+        stops = (state == SignalState.RED) | (state == SignalState.YELLOW)
+        red = ahead[nearest] & signals.valid[signal] & stops
+    beyond = (window.station > body.rear) & (window.station < window.stop_station[nearest] + 20.0)
+    turns = (window.turn == Turn.LEFT) | (window.turn == Turn.RIGHT)
+    turning = jnp.any(beyond & turns) & ahead[nearest]
+    dtype = distance.dtype
+    return SignalAhead(distance=distance[nearest], red=red.astype(dtype), turning=turning.astype(dtype))
+
+
+def near_signal(ahead: SignalAhead, params: TSPSParams, relaxation: Relaxation) -> Float[Array, ""]:
+    """Degree to which the next stop line is within `signal_distance`."""
+    return soft.above(params.signal_distance - ahead.distance, 0.0, relaxation, scale=params.signal_distance / 3)

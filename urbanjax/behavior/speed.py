@@ -1,0 +1,63 @@
+"""The reference speed: geometry-aware velocity planning applied to the chosen path, under all its caps."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.behavior import caps, gvp
+from urbanjax.behavior.gvp import LaneSpeeds
+from urbanjax.behavior.lanes import lane_profile
+from urbanjax.behavior.params import BehaviorParams
+from urbanjax.behavior.surroundings import in_lane
+from urbanjax.behavior.tsps import Choice
+from urbanjax.numerics import safe
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.extended import ExtendedGraph
+from urbanjax.types import VehicleState, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class SpeedPlan:
+    """The reference speed and its parts."""
+
+    reference: Array  # [] m/s
+    lanes: LaneSpeeds
+    cap: Array  # [] m/s, of speed limit, curves and stop line
+    clamp: Array  # [] m/s, of the time-to-collision clamp
+
+
+def plan(
+    window: ExtendedGraph,
+    choice: Choice,
+    ego: VehicleState,
+    vehicle: VehicleParams,
+    params: BehaviorParams,
+    relaxation: Relaxation,
+) -> SpeedPlan:
+    """v_ref of Eq. 29 in m/s, below speed limit, curve speed and stop line, and below the collision clamp."""
+    around, body, path = choice.surroundings, choice.body, choice.path
+    cap = caps.now(path, choice.cap, choice.signal, params.caps)
+
+    def lane_speed(weights: Float[Array, "q"]) -> Float[Array, ""]:
+        lane = lane_profile(window, around.station, weights)
+        occupancy = in_lane(around, lane, vehicle.width / 2, params.occupancy, relaxation)
+        return gvp.following_speed(around, occupancy, body.front, ego.speed, cap, params.headway, relaxation)
+
+    def distances(station: Float[Array, ""], offset: Float[Array, ""]) -> tuple[Array, Array]:
+        to_lanes = [offset - lane_profile(window, station[None], w)[0] for w in (choice.target_lane, choice.ego_lane)]
+        to_target, to_ego = (safe.sqrt(d**2 + 1e-6) for d in to_lanes)
+        return to_target, to_ego
+
+    lanes = gvp.plan_speed(
+        terminal=distances(choice.terminal, jnp.interp(choice.terminal, path.station, path.offset)),
+        centre=distances((body.front + body.rear) / 2, body.offset),
+        v_target=lane_speed(choice.target_lane),
+        v_ego=lane_speed(choice.ego_lane),
+        params=params.gvp,
+    )
+    rear = around.station - around.half_length
+    on_path = jnp.interp(rear, path.station, path.offset)
+    clamp = gvp.clamp(around, on_path, body.front, vehicle, params.gvp, params.occupancy, relaxation)
+    reference = jnp.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
+    return SpeedPlan(reference=reference, lanes=lanes, cap=cap, clamp=clamp)

@@ -1,0 +1,74 @@
+"""Objects seen from the route: station, offset and speed along it."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import safe, soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.extended import ExtendedGraph, progress
+from urbanjax.types import Objects, pytree
+
+
+@pytree
+class OccupancyParams:
+    """When a vehicle counts as being in a lane."""
+
+    lateral_margin: float = 0.3  # m, beside both bodies
+    anticipation: float = 1.0  # s, for which a vehicle that moves sideways is extrapolated
+
+
+@pytree
+class Surroundings:
+    """Objects in the route's Frenet frame, with the half extents of their boxes along it."""
+
+    station: Array  # [O] m, box centre
+    offset: Array  # [O] m, left positive
+    speed: Array  # [O] m/s along the route, negative for oncoming
+    lateral_speed: Array  # [O] m/s to the left
+    half_length: Array  # [O] m along the route
+    half_width: Array  # [O] m across the route
+    valid: Array  # [O] bool
+
+
+def relate(objects: Objects, window: ExtendedGraph) -> Surroundings:
+    """Every object related to the route's reference line. Objects beyond the window or off the road are invalid."""
+    seen = jax.vmap(lambda position, heading: progress(window, position, heading))(objects.position, objects.heading)
+    cos, sin = jnp.cos(seen.heading_error), jnp.sin(seen.heading_error)
+    half_length, half_width = objects.length / 2, objects.width / 2
+    # Smooth absolute values: a box that turns through the road's direction must not kink the gradient.
+    cos_abs, sin_abs = safe.sqrt(cos**2 + 1e-6), safe.sqrt(sin**2 + 1e-6)
+    reach = window.lane_width.shape[-1] * 4.0  # m; farther off than all lanes across, an object is not on this road
+    inside = (seen.station > window.station[0]) & (seen.station < window.station[-1]) & (jnp.abs(seen.offset) < reach)
+    return Surroundings(
+        station=seen.station,
+        offset=seen.offset,
+        speed=objects.speed * cos,
+        lateral_speed=objects.speed * sin,
+        half_length=half_length * cos_abs + half_width * sin_abs,
+        half_width=half_width * cos_abs + half_length * sin_abs,
+        valid=objects.valid & inside,
+    )
+
+
+def in_lane(
+    surroundings: Surroundings,
+    lane: Float[Array, "o"],
+    half_width: float | Array,
+    params: OccupancyParams,
+    relaxation: Relaxation,
+) -> Float[Array, "o"]:
+    """Degree to which each object occupies a lane, now or after `anticipation` seconds.
+
+    Args: lane [O] m, offset of the lane's centre at each object's station; half_width m, of the ego vehicle.
+    """
+    reach = surroundings.half_width + half_width + params.lateral_margin
+
+    def occupied(offset: Array) -> Array:
+        beside = safe.sqrt((offset - lane) ** 2 + 1e-6)
+        return soft.above(reach - beside, 0.0, relaxation, scale=params.lateral_margin)
+
+    later = surroundings.offset + params.anticipation * surroundings.lateral_speed
+    degree = soft.either(occupied(surroundings.offset), occupied(later))
+    return jnp.where(surroundings.valid, degree, 0)

@@ -1,0 +1,119 @@
+"""The decision tree of path selection: route, micro path or ego lane (Eq. 27, Fig. 5)."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.numerics import soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.types import Decision, pytree, static
+
+ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
+
+
+@pytree
+class TSPSParams:
+    """Thresholds of the tree. A `*_scale` is the margin that counts as clear when the tree is relaxed."""
+
+    horizon: float = 6.0  # s, over which a path must be free of collisions
+    margin: float = 0.35  # m, clearance that a feasible path keeps
+    margin_scale: float = 0.5  # m
+    patience: float = 3.0  # steps, time constant of the filter on "the route is blocked" (hysteresis)
+    standing_speed: float = 0.3  # m/s, below which the vehicle stands
+    stuck_steps: float = 30.0  # steps, after which a standing vehicle is stuck
+    signal_distance: float = 30.0  # m, to the stop line
+    side_rear: float = 3.0  # m, free space behind the rear bumper in the lane that is entered
+    side_front: float = 2.0  # m, free space before the front bumper
+    side_time: float = 1.5  # s, by which the rear space grows with the closing speed
+    side_scale: float = 1.0  # m
+    emergency_deceleration: float = 5.5  # m/s^2, needed in every lane before the tree gives up
+    side_gates_stuck: bool = static(default=False)  # does rule 5 also gate rule 2
+    stuck_needs_micro: bool = static(default=True)  # does rule 2 need a feasible micro path
+
+
+@pytree
+class Situation:
+    """The inputs of Fig. 5, as degrees in [0, 1]; all shapes []."""
+
+    route_feasible: Array
+    stuck: Array
+    micro_feasible: Array
+    turning_at_signal: Array  # near a signal and turning left or right
+    side_occupied: Array  # a vehicle beside, in the lane that the micro path enters
+    return_occupied: Array  # a vehicle beside, in the route's lane, with the ego outside it
+    stoppable: Array  # a stop in some lane needs no emergency braking
+
+
+@pytree
+class TSPSState:
+    """What selection remembers."""
+
+    stuck: Array  # [] steps that the vehicle has stood without a red signal
+    blocked: Array  # [] filtered degree to which the route is infeasible
+
+
+@pytree
+class Selection:
+    """The outcome: weights over (route, micro, ego lane), and over the reasons."""
+
+    path: Array  # [3]
+    decision: Array  # [7], indexed by Decision
+    emergency: Array  # [] degree of the emergency stop
+
+
+def init(dtype: jnp.dtype) -> TSPSState:
+    """Nothing remembered."""
+    return TSPSState(stuck=jnp.zeros((), dtype), blocked=jnp.zeros((), dtype))
+
+
+def remember(
+    state: TSPSState,
+    speed: Float[Array, ""],
+    red: Float[Array, ""],
+    route_free: Float[Array, ""],
+    params: TSPSParams,
+    relaxation: Relaxation,
+) -> TSPSState:
+    """The counters one step on: the stuck counter rises while standing, is held at red and is cleared by moving."""
+    moving = soft.above(speed, params.standing_speed, relaxation, scale=params.standing_speed)
+    stuck = soft.negate(moving) * (state.stuck + soft.negate(red))
+    blocked = state.blocked + (soft.negate(route_free) - state.blocked) / jnp.maximum(params.patience, 1.0)
+    return TSPSState(stuck=stuck, blocked=blocked)
+
+
+def decide(situation: Situation, params: TSPSParams) -> Selection:
+    """The tree of Fig. 5 (Eq. 27) in its order; with degrees 0 and 1 exactly one outcome has weight 1.
+
+    (1) route feasible -> route; (2) stuck -> micro; (3) micro infeasible -> route; (4) turning at a signal -> route;
+    (5) side area occupied -> ego lane; (6) micro. Rule 3 keeps the ego lane instead while a vehicle beside blocks the
+    way back to the route's lane. Where neither path is feasible and no lane lets the vehicle stop
+    by normal braking, the outcome is an emergency stop along the route.
+    """
+    rest = jnp.ones_like(situation.route_feasible)
+    outcome = {}
+
+    def take(reason: Decision, degree: Array) -> None:
+        nonlocal rest
+        outcome[reason] = soft.both(rest, degree)
+        rest = soft.both(rest, soft.negate(degree))
+
+    escape = situation.stuck
+    if params.stuck_needs_micro:
+        escape = soft.both(escape, situation.micro_feasible)
+    if params.side_gates_stuck:
+        escape = soft.both(escape, soft.negate(situation.side_occupied))
+    infeasible = soft.negate(situation.micro_feasible)
+    take(Decision.ROUTE_FEASIBLE, situation.route_feasible)
+    take(Decision.STUCK_ESCAPE, escape)
+    take(Decision.EMERGENCY_STOP, soft.both(infeasible, soft.negate(situation.stoppable)))
+    take(Decision.MICRO_INFEASIBLE, infeasible)
+    take(Decision.TURN_AT_SIGNAL, situation.turning_at_signal)
+    take(Decision.SIDE_OCCUPIED, situation.side_occupied)
+    outcome[Decision.OVERTAKE] = rest
+    decision = jnp.stack([outcome[d] for d in Decision])
+    micro = outcome[Decision.STUCK_ESCAPE] + outcome[Decision.OVERTAKE]
+    # "Keep the lane" (rule 3) means the ego lane where the route's lane is occupied alongside.
+    ego = outcome[Decision.SIDE_OCCUPIED] + soft.both(outcome[Decision.MICRO_INFEASIBLE], situation.return_occupied)
+    return Selection(
+        path=jnp.stack([1 - micro - ego, micro, ego]), decision=decision, emergency=outcome[Decision.EMERGENCY_STOP]
+    )

@@ -1,0 +1,127 @@
+"""The whole pipeline on one screen: observation in, command out."""
+
+import jax
+import jaxlie
+from jax import Array
+
+from urbanjax.behavior import speed, tsps
+from urbanjax.behavior.params import BehaviorParams
+from urbanjax.behavior.speed import SpeedPlan
+from urbanjax.behavior.tsps import Choice, SelectState
+from urbanjax.control import drive
+from urbanjax.control.drive import ControlParams
+from urbanjax.localization import given
+from urbanjax.localization.types import Localization
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning import macro, micro, prediction, previous, primitives
+from urbanjax.planning.macro import MacroPlan
+from urbanjax.planning.micro import MicroPlan
+from urbanjax.planning.params import PlanningParams
+from urbanjax.planning.previous import Previous
+from urbanjax.roadmap.course import Course
+from urbanjax.roadmap.extended import Progress, WindowParams, progress, window
+from urbanjax.roadmap.locate import LocateParams, locate
+from urbanjax.types import Command, Observation, Prediction, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+LOCALIZERS = {"given": given.step}
+
+
+@pytree
+class StackParams:
+    """Every parameter of the stack."""
+
+    vehicle: VehicleParams = VehicleParams()
+    window: WindowParams = WindowParams()
+    locate: LocateParams = LocateParams()
+    planning: PlanningParams = PlanningParams()
+    behavior: BehaviorParams = BehaviorParams()
+    control: ControlParams = ControlParams()
+    relaxation: Relaxation = Relaxation()
+    localizer: str = static(default="given")  # one of LOCALIZERS
+
+
+@pytree
+class StackState:
+    """What the stack carries from step to step."""
+
+    station: Array  # [] m, progress on the route
+    macro: Previous
+    micro: Previous
+    select: SelectState
+
+
+@pytree
+class StackInfo:
+    """What each stage came to; reported, never fed back."""
+
+    localization: Localization
+    progress: Progress
+    prediction: Prediction
+    macro: MacroPlan
+    micro: MicroPlan
+    choice: Choice
+    speed: SpeedPlan
+
+
+def init(params: StackParams, course: Course, pose: jaxlie.SE2) -> StackState:
+    """The state before the first step. Args: pose, T_world_body of the rear axle, near the route."""
+    whole = progress(course.extended, pose.translation(), pose.rotation().as_radians())
+    return StackState(
+        station=whole.station,
+        macro=previous.nothing(params.planning.macro.n_layers),
+        micro=previous.nothing(params.planning.primitives.n_points),
+        select=tsps.init(whole, course.extended),
+    )
+
+
+def step(
+    params: StackParams, course: Course, state: StackState, observation: Observation
+) -> tuple[Command, StackState, StackInfo]:
+    """One step: command, next state, and the info of every stage. Pure; jit, vmap, scan and grad it.
+
+    Differentiable with respect to params, state and observation in the modes `soft` and `straight_through` of
+    `params.relaxation`, and in mode `hard` through everything but the choices.
+    """
+    vehicle, plan, relaxation = params.vehicle, params.planning, params.relaxation
+    objects = observation.objects
+    with jax.named_scope("localization"):
+        located = LOCALIZERS[params.localizer](observation)
+        ego = located.vehicle_state(observation.odometry)
+    with jax.named_scope("route"):
+        road = window(course.extended, state.station, params.window)
+        here = progress(road, ego.position, ego.heading)
+    with jax.named_scope("prediction"):
+        lanes = locate(course.graph, objects.position, objects.heading, params=params.locate)
+        future = prediction.predict(course.graph, objects, lanes, plan.prediction)
+    with jax.named_scope("macro"):
+        wide = macro.plan(road, here, ego, future, state.macro, vehicle, plan.macro, relaxation)
+    with jax.named_scope("primitives"):
+        fan = primitives.generate(road, here, ego, wide, vehicle, plan.primitives)
+    with jax.named_scope("micro"):
+        near = micro.select(fan, future, state.micro, vehicle, plan.micro, relaxation)
+    with jax.named_scope("tsps"):
+        select, choice = tsps.select(
+            road,
+            here,
+            ego,
+            observation,
+            future,
+            wide.follower,
+            near,
+            state.select,
+            vehicle,
+            params.behavior,
+            relaxation,
+        )
+    with jax.named_scope("gvp"):
+        pace = speed.plan(road, choice, ego, vehicle, params.behavior, relaxation)
+    with jax.named_scope("control"):
+        command = drive.follow(choice.path, pace.reference, choice.selection.emergency, ego, vehicle, params.control)
+    following = StackState(
+        station=here.station,
+        macro=previous.remember(wide.station, wide.offset),
+        micro=previous.remember(near.path.station, near.path.offset),
+        select=select,
+    )
+    return command, following, StackInfo(located, here, future, wide, near, choice, pace)
