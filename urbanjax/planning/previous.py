@@ -19,7 +19,7 @@ class Previous:
 
 def nothing(n: int) -> Previous:
     """What a first step compares with: a grid of n stations that does not count."""
-    return Previous(station=jnp.arange(n) * 1.0, offset=jnp.zeros(n), valid=jnp.zeros(()))
+    return Previous(station=jnp.arange(n, dtype=jnp.zeros(()).dtype), offset=jnp.zeros(n), valid=jnp.zeros(()))
 
 
 def remember(station: Float[Array, "n"], offset: Float[Array, "n"]) -> Previous:
