@@ -1,5 +1,8 @@
 """Macro planning: the cheapest way through the lattice of lanes ahead, exact, in hard and soft form (Eq. 13-15)."""
 
+import functools
+import operator
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -85,9 +88,9 @@ def plan(
     start, start_bad = lattice.start_terms(layers, progress.offset, params.weights, relaxation)
     edges, edge_bad = lattice.edge_terms(layers, params.weights, relaxation)
 
-    node_cost = sum(nodes.values())
-    start_cost = sum(start.values()) + node_cost[0]
-    edge_cost = sum(edges.values()) + node_cost[1:, None, :]
+    node_cost = functools.reduce(operator.add, nodes.values())
+    start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]
+    edge_cost = functools.reduce(operator.add, edges.values()) + node_cost[1:, None, :]
     value, marginal, edge = layered_search(start_cost, edge_cost, relaxation, params.choice_scale)
     bad = jnp.sum(marginal * node_bad, axis=1)
     bad = bad.at[0].add(jnp.sum(marginal[0] * start_bad)).at[1:].add(jnp.sum(edge * edge_bad, axis=(1, 2)))
