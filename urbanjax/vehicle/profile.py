@@ -26,8 +26,11 @@ def free_flow(
     deceleration needs for the caps ahead. Args: cap [K] m/s; distance [K] m from the start, increasing from 0.
     """
     from_start = speed**2 + 2 * params.acceleration * distance
-    gap_ahead = distance[None, :] - distance[:, None]
-    to_caps = jnp.where(gap_ahead >= 0, cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead, jnp.inf)
+    # Which points lie ahead is told by index: in a fused loop a distance may differ from itself in the last digit.
+    index = jnp.arange(distance.shape[0])
+    gap_ahead = jnp.maximum(distance[None, :] - distance[:, None], 0)
+    to_caps = cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead
+    to_caps = jnp.where(index[None, :] >= index[:, None], to_caps, jnp.inf)
     squared = jnp.minimum(from_start, jnp.min(to_caps, axis=1))
     profile = safe.sqrt(squared + params.floor**2)
     step = 2 * jnp.diff(distance) / (profile[1:] + profile[:-1])
