@@ -1,1 +1,1 @@
-"""Entry points: one thin module per question that a user asks."""
+"""One thin entry point per question that a user asks."""

@@ -126,6 +126,10 @@ def test_racetrack_is_one_closed_course_per_lane(networks):
             course.append(key)
             (key,) = after[key]
         assert len(course) == 9
+    _, left, right = links(graph, keys)
+    assert ("a", "b", 1, 0) in left
+    assert ("f", "g", 1, 0) not in left  # a strip of no road lies between the two lanes
+    assert ("f", "g", 0, 0) not in right
     for i in range(len(keys)):
         for j in graph.successor[i][graph.has_successor[i]]:
             step = np.linalg.norm(graph.centre[i, -1] - graph.centre[j, 0])
@@ -173,7 +177,7 @@ def poly_network():
 
     network = RoadNetwork()
     network.add_lane("a", "b", PolyLaneFixedWidth(points(0.0), line_types=lines, speed_limit=None))
-    network.add_lane("a", "b", PolyLane(points(5.0), points(2.5), points(7.5), line_types=lines))
+    network.add_lane("a", "b", PolyLane(points(4.0), points(2.0), points(6.0), line_types=lines))
     return network
 
 

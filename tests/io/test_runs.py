@@ -91,3 +91,5 @@ def test_summary_holds_numbers_or_null_only(tmp_path):
     run = runs.Run(tmp_path / "run", {})
     run.summary({"a_m": np.float32(1.5), "b": np.int32(2), "c_s": np.inf, "d_s": np.nan, "e": None, "f": True})
     assert read(run.path("summary.json")) == {"a_m": 1.5, "b": 2, "c_s": None, "d_s": None, "e": None, "f": 1}
+    run.summary({"g": 2})
+    assert read(run.path("summary.json")).keys() == {"a_m", "b", "c_s", "d_s", "e", "f", "g"}

@@ -30,6 +30,7 @@ class Run:
         self.seed = seed
         self.started = time.time()
         self._clock = time.perf_counter()
+        self._summary: dict[str, float | int | None] = {}
 
     def path(self, name: str) -> Path:
         """Where a file of this run goes."""
@@ -51,9 +52,9 @@ class Run:
             writer.writerows(zip(*data.values(), strict=True))
 
     def summary(self, values: Mapping[str, Any]) -> None:
-        """Write `summary.json`: flat, `name_with_unit` to a finite number or null."""
-        flat = {str(name): _number(value) for name, value in values.items()}
-        write_atomically(self.path("summary.json"), json.dumps(flat, indent=2, allow_nan=False) + "\n")
+        """Add to `summary.json`: flat, `name_with_unit` to a finite number or null."""
+        self._summary.update({str(name): _number(value) for name, value in values.items()})
+        write_atomically(self.path("summary.json"), json.dumps(self._summary, indent=2, allow_nan=False) + "\n")
 
     def finish(self, status: str, error: str | None = None) -> None:
         """Write `manifest.json`: what ran, on what, how it ended."""

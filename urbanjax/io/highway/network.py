@@ -15,8 +15,10 @@ DEFAULT_LIMIT = 30.0  # m/s, where a lane has none (highway-env's highways)
 FLIP = np.array([1.0, -1.0])
 JOIN = 1.5  # m, between lanes that go on into each other
 BRIDGE = 12.0  # m, longest hole in a road that is bridged by a link of its own
+STRIP = 0.05  # m of no road between two lanes that a change may cross
 BLEND = 10.0  # m, over which the end of a lane is led onto its successor
 SPACING = 1.5  # m, between the points of a curved lane
+LINKS, POINTS, RELATIONS = (24, 48, 96, 192), (32, 64, 128), (4, 8, 16)  # sizes that networks are padded to
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +33,11 @@ class _Part:
 
 
 def read_network(
-    network: Any, respect_lines: bool = True, max_link: float = np.inf, n_points: int | None = None
+    network: Any,
+    respect_lines: bool = True,
+    max_link: float = np.inf,
+    n_points: int | None = None,
+    buckets: bool = False,
 ) -> tuple[RoadGraph, tuple[LaneKey, ...]]:
     """The road graph of a highway-env `RoadNetwork` and, for each link, the lane it stands for.
 
@@ -39,7 +45,8 @@ def read_network(
     a hole of up to 12 m (the entries of roundabout-v0) becomes a link of its own, named after the entering lane with
     the following lane's node as its `to`. Neighbours are lanes beside each other in one road.
     Args: respect_lines, no lane change across a continuous line; max_link [m], length above which the lanes of a road
-    are cut into pieces; n_points, points per link (default: one every 1.5 m of the longest curve).
+    are cut into pieces; n_points, points per link (default: one every 1.5 m of the longest curve); buckets, pad sizes
+    so that networks of a kind share one compiled program.
     Raises RoadError for an empty network and for points that are not finite.
     """
     lanes = dict(network.lanes_dict())
@@ -56,7 +63,20 @@ def read_network(
     if n_points is None:
         longest = max((part.end for part in parts.values() if not _straight(part)), default=0.0)
         n_points = int(np.clip(np.ceil(longest / SPACING) + 1, 16, 128))
-    return assemble(specs, n_points=n_points, gap_tolerance=JOIN), tuple(spec.key for spec in specs)
+        n_points = _bucket(n_points, POINTS) if buckets else n_points
+    graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN)
+    if buckets:
+        sizes = {
+            "n_links": _bucket(len(specs), LINKS),
+            "n_successors": _bucket(graph.successor.shape[1], RELATIONS),
+            "n_relations": _bucket(graph.opposite.shape[1], RELATIONS),
+        }
+        graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN, **sizes)
+    return graph, tuple(spec.key for spec in specs)
+
+
+def _bucket(size: int, buckets: tuple[int, ...]) -> int:
+    return next((bucket for bucket in buckets if bucket >= size), size)
 
 
 def _part(network: Any, index: tuple[str, str, int], lanes: dict) -> _Part:
@@ -84,7 +104,7 @@ def _beyond(lane: Any, following: Any) -> tuple[float, float, float, float]:
     The start is sought around the end only, since projections of highway-env wrap on long arcs.
     """
     start = following.position(0.0, 0.0)
-    distance = np.linalg.norm(start - lane.position(lane.length, 0.0))
+    distance = float(np.linalg.norm(start - lane.position(lane.length, 0.0)))
     if distance > BRIDGE:
         return np.inf, np.inf, distance, np.pi
     near = lane.length + np.linspace(-min(4.0, 0.5 * lane.length), 2.0, 601)
@@ -114,7 +134,7 @@ def _specs(
     count = pieces[index]
     bridges = [(index[1], target[1], index[2], -1 - number) for number, target in enumerate(part.bridges)]
     after = [(*target, 0) for target in part.successors] + bridges
-    left, right = _beside(network, index)
+    (left, joins_left), (right, joins_right) = _beside(network, index)
     limit = part.lane.speed_limit or DEFAULT_LIMIT
     specs = []
     for k in range(count):
@@ -131,9 +151,9 @@ def _specs(
                 turn=_turn(network, index, heading, centre),
                 successors=tuple(after) if k + 1 == count else ((*index, k + 1),),
                 left=(*left, k) if left else None,
-                left_change=bool(left) and _may_cross(network, index, left, 0, respect_lines),
+                left_change=joins_left and _may_cross(network, index, left, 0, respect_lines),
                 right=(*right, k) if right else None,
-                right_change=bool(right) and _may_cross(network, index, right, 1, respect_lines),
+                right_change=joins_right and _may_cross(network, index, right, 1, respect_lines),
             )
         )
     return specs + [_bridge(part, parts[t], (*t, 0), key) for t, key in zip(part.bridges, bridges, strict=True)]
@@ -154,10 +174,13 @@ def _line(part: _Part, begin: float, end: float) -> tuple[np.ndarray, np.ndarray
     return centre, -np.unwrap(heading), width
 
 
-def _beside(network: Any, index: tuple[str, str, int]) -> tuple[tuple | None, tuple | None]:
-    """The lanes of the same road to the left and to the right, where they lie within a lane's width."""
+def _beside(network: Any, index: tuple[str, str, int]) -> tuple[tuple[tuple | None, bool], tuple[tuple | None, bool]]:
+    """The lanes of the same road to the left and to the right, within a lane's width, and whether their borders meet.
+
+    They do not where highway-env draws a strip of no road between two lanes, as on the slant of the racetrack.
+    """
     lane = network.get_lane(index)
-    found: dict[bool, tuple] = {}
+    found: dict[bool, tuple[tuple, bool]] = {}
     for other in network.side_lanes(index):
         beside = network.get_lane(other)
         point = beside.position(beside.length / 2, 0.0)
@@ -165,9 +188,11 @@ def _beside(network: Any, index: tuple[str, str, int]) -> tuple[tuple | None, tu
         middle = stations[np.argmin(np.linalg.norm([lane.position(s, 0.0) - point for s in stations], axis=-1))]
         heading = lane.heading_at(middle)
         aside = (point - lane.position(middle, 0.0)) @ np.array([-np.sin(heading), np.cos(heading)])
-        if 0.5 < abs(aside) <= 0.75 * (lane.width_at(middle) + beside.width_at(beside.length / 2)):
-            found[bool(aside < 0)] = other
-    return found.get(True), found.get(False)
+        width = 0.5 * (lane.width_at(middle) + beside.width_at(beside.length / 2))
+        if 0.5 < abs(aside) <= 1.5 * width:
+            found[bool(aside < 0)] = other, bool(abs(aside) - width < STRIP)
+    nothing = (None, False)
+    return found.get(True, nothing), found.get(False, nothing)
 
 
 def _may_cross(network: Any, index: tuple, other: tuple, side: int, respect_lines: bool) -> bool:

@@ -1,0 +1,44 @@
+"""Closed loop in highway-env, beside highway-env's own IDM vehicle: `python -m experiments.highway`."""
+
+from urbanjax.io import animation, cli, progress, report
+from urbanjax.io.highway.environment import FREQUENCY
+from urbanjax.io.runs import Run
+from urbanjax.io.studies import highway
+from urbanjax.io.studies.highway import HighwayStudy
+
+CAPTION = (
+    "Mean speed is distance over nominal duration, crashes included; time to collision (TTC) is that of the boxes at "
+    "constant velocity, to any vehicle."
+)
+
+
+def study(params: HighwayStudy, run: Run) -> report.Section:
+    """Drive, write tables, figure and GIFs into the run; returns what the report shows of it."""
+    episodes, items = [], []
+    with progress.bar("highway-env") as tick:
+        for episode in highway.drives(params, tick):
+            episodes.append(episode)
+            run.table("highway", highway.scores(episodes, params.duration))
+            if episode.frames:
+                path = run.path(f"{episode.env}.gif")
+                animation.write_gif(path, episode.frames, 2.5 * FREQUENCY / params.gif_every)
+                items.append(report.Picture(f"{episode.env}, seed {episode.seed}, 2.5 times as fast", path))
+    rows = highway.scores(episodes, params.duration)
+    run.table("highway_tracks", highway.tracks(episodes))
+    highway.draw(rows, run.path("highway.png"))
+    run.summary(highway.summary(rows))
+    table = report.Table(CAPTION, highway.table(rows))
+    progress.show_table("highway-env", table.columns)
+    figure = report.Picture("Mean speed of every drive; a cross is a collision.", run.path("highway.png"))
+    return report.Section("Driving in highway-env", [], [table, figure, *items])
+
+
+@cli.experiment("highway", HighwayStudy)
+def main(params: HighwayStudy, run: Run) -> None:
+    """Run the study and write its report."""
+    section = study(params, run)
+    report.write_report(run.path("report.html"), "urbanjax in highway-env", [section], run.manifest("complete"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What the experiments compute, tabulate and draw."""

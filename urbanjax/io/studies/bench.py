@@ -1,0 +1,162 @@
+"""How fast stack and simulator run: warm medians, with the cold start stated apart."""
+
+import functools
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from urbanjax import stack
+from urbanjax.roadmap.course import Course
+from urbanjax.roadmap.extended import ExtendParams, extend, sized
+from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.sim import agents, metrics
+from urbanjax.sim import lanes as tables
+from urbanjax.sim import world as worlds
+from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.rollout import LoopParams, rollout
+from urbanjax.sim.scenarios import circulate
+from urbanjax.sim.scenarios.circulate import CirculateParams
+from urbanjax.sim.scenarios.scenario import Scenario
+from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.stack import StackParams
+from urbanjax.types import Command, as_arrays, pytree, static
+
+Tick = Callable[[str], None]
+
+
+@pytree
+class BenchStudy:
+    """What is timed, on the district course."""
+
+    stack: StackParams = StackParams()
+    sim: SimParams = SimParams()
+    scenario: CirculateParams = CirculateParams()
+    extend: ExtendParams = ExtendParams()
+    period: float = 0.1  # s
+    batches: tuple[int, ...] = static(default=(1, 16, 64))  # sizes of the batches of `stack.step`
+    scenarios: int = static(default=64)  # of the simulator's batch
+    sim_steps: int = static(default=100)  # policy steps of one simulation
+    loop_steps: int = static(default=20)  # steps of one closed loop
+    repeats: int = static(default=30)  # of each step that is timed
+    runs: int = static(default=5)  # of each simulation that is timed
+    seed: int = static(default=0)
+
+
+def scene(study: BenchStudy) -> tuple[Course, Lanes, Scenario]:
+    """The district with the ego's route, the simulator's tables, and the starts stacked along the first axis."""
+    graph = circulate.road(study.scenario)
+    lanes = tables.from_graph(graph)
+    scenario, sim = as_arrays((study.scenario, study.sim))
+    count = max(study.scenarios, *study.batches)
+    keys = jax.random.split(jax.random.key(study.seed), count)
+    starts = jax.vmap(lambda key: circulate.sample(key, scenario, sim, lanes))(keys)
+    start, goal = int(starts.start_link[0]), int(starts.goal_link[0])
+    route = route_between(graph, start, goal, params=RouteParams())
+    course = Course(graph, extend(graph, route, as_arrays(sized(graph, route, study.extend))))
+    return course, lanes, starts
+
+
+def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, float]:
+    """All numbers of the benchmark: name with unit to value."""
+    tick("building the district")
+    course, lanes, starts = scene(study)
+    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    out = _stack_step(study, loop, course, lanes, starts, tick)
+    out.update(_simulator(study, loop, course, lanes, starts, tick))
+    return out
+
+
+def _stack_step(
+    study: BenchStudy, loop: LoopParams, course: Course, lanes: Lanes, starts: Scenario, tick: Tick
+) -> dict[str, float]:
+    """Milliseconds per `stack.step`, whole batch, for each size; cold compile time and first step at size 1."""
+    out: dict[str, float] = {}
+    observe = jax.jit(jax.vmap(lambda world: worlds.observe(loop.sim, lanes, world)))
+    observations = observe(starts.world)
+    poses = observations.pose
+    states = jax.jit(jax.vmap(lambda pose: stack.init(loop.stack, course, pose)))(poses)
+    for size in study.batches:
+        tick(f"stack.step, batch of {size}")
+        state, observation = jax.tree.map(lambda x, n=size: x[0] if n == 1 else x[:n], (states, observations))
+        function = stack.step if size == 1 else jax.vmap(stack.step, in_axes=(None, None, 0, 0))
+        step = jax.jit(function)
+        first = _seconds(step, loop.stack, course, state, observation)
+        if size == study.batches[0]:
+            out["stack_first_step_s"] = first
+        samples = []
+        for _ in range(study.repeats):
+            began = time.perf_counter()
+            _, state, _ = jax.block_until_ready(step(loop.stack, course, state, observation))
+            samples.append(time.perf_counter() - began)
+        out[f"stack_step_b{size}_ms"] = 1e3 * statistics.median(samples)
+        out[f"stack_step_b{size}_per_vehicle_ms"] = 1e3 * statistics.median(samples) / size
+    return out
+
+
+def _simulator(
+    study: BenchStudy, loop: LoopParams, course: Course, lanes: Lanes, starts: Scenario, tick: Tick
+) -> dict[str, float]:
+    """Vehicle-steps per second of the simulator alone and with the stack; a step is one policy period."""
+    batch = jax.tree.map(lambda x: x[: study.scenarios], starts.world)
+    vehicles = batch.traffic.valid.shape[1]
+    out: dict[str, float] = {}
+    for name, function, steps in (
+        ("simulator", _simulate, study.sim_steps),
+        ("closed_loop", _close, study.loop_steps),
+    ):
+        tick(f"{name}: {study.scenarios} scenarios of {vehicles} vehicles, {steps} steps")
+        program = jax.jit(functools.partial(function, n_steps=steps))
+        out[f"{name}_first_run_s"] = _seconds(program, loop, course, lanes, batch)
+        seconds = statistics.median(_seconds(program, loop, course, lanes, batch) for _ in range(study.runs))
+        out[f"{name}_vehicle_steps_per_s"] = study.scenarios * vehicles * steps / seconds
+        out[f"{name}_run_s"] = seconds
+    return out
+
+
+def _simulate(loop: LoopParams, course: Course, lanes: Lanes, starts: WorldState, n_steps: int) -> Any:
+    """Traffic alone, the ego rolling on without a driver; whether any two vehicles ever touched."""
+    zero = jnp.zeros_like(loop.period)
+
+    def one(start: WorldState) -> jax.Array:
+        def body(carry: tuple, _: None) -> tuple[tuple, None]:
+            world, touched = carry
+            world = worlds.step(loop.sim, lanes, world, Command(zero, zero), loop.period)
+            objects = agents.objects(lanes, world.traffic, loop.sim.traffic)
+            return (world, touched | jnp.any(metrics.overlaps(objects))), None
+
+        (_, touched), _ = jax.lax.scan(body, (start, jnp.asarray(False)), length=n_steps)
+        return touched
+
+    return jax.vmap(one)(starts)
+
+
+def _close(loop: LoopParams, course: Course, lanes: Lanes, starts: WorldState, n_steps: int) -> Any:
+    """The closed loop, and the metrics of its ego."""
+
+    def one(start: WorldState) -> Any:
+        log, _ = rollout(loop, course, lanes, start, n_steps)
+        return metrics.evaluate(log, loop.sim.vehicle, loop.stack.relaxation)
+
+    return jax.vmap(one)(starts)
+
+
+def _seconds(call: Callable[..., Any], *arguments: Any) -> float:
+    began = time.perf_counter()
+    jax.block_until_ready(call(*arguments))
+    return time.perf_counter() - began
+
+
+def table(numbers: dict[str, float], batches: Sequence[int]) -> dict[str, list[Any]]:
+    """Columns by heading for people."""
+    rows = [(f"stack.step, {n} at once [ms]", numbers[f"stack_step_b{n}_ms"]) for n in batches]
+    rows += [
+        ("stack.step, cold: compile and first step [s]", numbers["stack_first_step_s"]),
+        ("simulator alone [vehicle-steps/s]", round(numbers["simulator_vehicle_steps_per_s"])),
+        ("simulator with the stack [vehicle-steps/s]", round(numbers["closed_loop_vehicle_steps_per_s"])),
+        ("closed loop, cold: compile and first run [s]", numbers["closed_loop_first_run_s"]),
+    ]
+    return {"what (median, warm)": [row[0] for row in rows], "value": [row[1] for row in rows]}

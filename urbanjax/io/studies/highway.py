@@ -1,0 +1,170 @@
+"""Our stack in highway-env beside highway-env's own IDM vehicle: what the drives amount to."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from urbanjax.io.figures import BAD, GOOD, LINE, figure
+from urbanjax.io.highway.driver import CAR, DriverParams, StackDriver
+from urbanjax.io.highway.environment import FREQUENCY, open_environment
+from urbanjax.io.highway.episode import Episode, Idm, drive
+from urbanjax.io.highway.measure import time_to_collision
+from urbanjax.stack import StackParams
+from urbanjax.types import pytree, static
+
+STACK, IDM = "urbanjax", "IDM"
+
+
+@pytree
+class HighwayStudy:
+    """Which environments, how often and for how long."""
+
+    stack: StackParams = StackParams(vehicle=CAR)
+    driver: DriverParams = DriverParams()
+    envs: tuple[str, ...] = static(default=("highway-v0", "merge-v1", "two-way-v0", "racetrack-v1"))
+    drivers: tuple[str, ...] = static(default=(STACK, IDM))
+    seeds: int = static(default=20)  # drives per environment and driver
+    seed: int = static(default=0)  # the first one
+    duration: float = static(default=40.0)  # s, or the end of the road
+    gif_every: int = static(default=5)  # steps between the pictures of the first drive, 0 for none
+
+
+def drives(study: HighwayStudy, tick: Any = lambda label, share: None) -> Iterator[Episode]:
+    """The drives of the study, one by one. Args: tick, told a label and the share of all drives that is done."""
+    ours = StackDriver(study.stack, study.driver)
+    total, done = len(study.envs) * len(study.drivers) * study.seeds, 0
+    steps = round(study.duration * FREQUENCY)
+    for name in study.envs:
+        # On the racetrack the baseline only follows its lane; elsewhere it changes lanes where that is faster.
+        baseline = Idm(change_lanes=not name.startswith("racetrack"))
+        env = open_environment(name, duration=study.duration)
+        for who in study.drivers:
+            for seed in range(study.seed, study.seed + study.seeds):
+                label = f"{name}, {who}, seed {seed}"
+                every = study.gif_every if who == STACK and seed == study.seed else 0
+                yield drive(
+                    env,
+                    (name, who),
+                    ours if who == STACK else baseline,
+                    seed,
+                    study.duration,
+                    every,
+                    lambda step, at=done, text=label: tick(text, (at + step / steps) / total),
+                )
+                done += 1
+        env.close()
+
+
+def scores(episodes: Sequence[Episode], duration: float) -> dict[str, list[Any]]:
+    """One row per drive, for the table on disk."""
+    steps = round(duration * FREQUENCY) + 1
+    return {
+        "env": [e.env for e in episodes],
+        "driver": [e.driver for e in episodes],
+        "seed": [e.seed for e in episodes],
+        "collision": [e.collision for e in episodes],
+        "off_road": [not bool(e.on_road.all()) for e in episodes],
+        "distance_m": [e.distance for e in episodes],
+        "nominal_s": [e.nominal for e in episodes],
+        "driven_s": [float(e.time[-1]) for e in episodes],
+        "mean_speed_mps": [e.mean_speed for e in episodes],
+        "least_ttc_s": [float(time_to_collision(e, steps).min()) for e in episodes],
+        "step_median_ms": [1e3 * float(np.median(e.step_seconds)) if e.step_seconds else None for e in episodes],
+    }
+
+
+def table(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Columns by heading, one row per environment and driver."""
+    out: dict[str, list[Any]] = {}
+    for env, who, chosen in _groups(rows):
+        step = [t for t in chosen["step_median_ms"] if t is not None]
+        for heading, value in {
+            "environment": env,
+            "driver": who,
+            "drives": len(chosen["seed"]),
+            "collisions": sum(chosen["collision"]),
+            "off the road": sum(chosen["off_road"]),
+            "mean speed [m/s]": float(np.mean(chosen["mean_speed_mps"])),
+            "least TTC [s]": min(chosen["least_ttc_s"]),
+            "median of least TTC [s]": float(np.median(chosen["least_ttc_s"])),
+            "step, median [ms]": float(np.median(step)) if step else None,
+        }.items():
+            out.setdefault(heading, []).append(value)
+    return out
+
+
+def summary(rows: dict[str, list[Any]]) -> dict[str, float | None]:
+    """Flat numbers of the study."""
+    out: dict[str, float | None] = {}
+    columns = table(rows)
+    names = {
+        "drives": "drives",
+        "collisions": "collisions",
+        "off the road": "off_road",
+        "mean speed [m/s]": "mean_speed_mps",
+        "least TTC [s]": "least_ttc_s",
+        "step, median [ms]": "step_median_ms",
+    }
+    for i, (env, who) in enumerate(zip(columns["environment"], columns["driver"], strict=True)):
+        for heading, name in names.items():
+            if columns[heading][i] is not None:
+                out[f"{env}_{who.lower()}_{name}"] = columns[heading][i]
+    return out
+
+
+def tracks(episodes: Sequence[Episode]) -> dict[str, Any]:
+    """One row per sample of every drive."""
+    count = [len(e.time) for e in episodes]
+
+    def repeated(name: str) -> np.ndarray:
+        return np.repeat([getattr(e, name) for e in episodes], count)
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(e, name) for e in episodes])
+
+    position = joined("position")
+    return {
+        **{name: repeated(name) for name in ("env", "driver", "seed")},
+        "time_s": joined("time"),
+        "x_m": position[:, 0],
+        "y_m": position[:, 1],
+        "heading_rad": joined("heading"),
+        "speed_mps": joined("speed"),
+        "on_road": joined("on_road"),
+    }
+
+
+def draw(rows: dict[str, list[Any]], path: Path) -> None:
+    """Mean speed of each drive: ours against the IDM vehicle's in the same traffic; collisions are crosses."""
+    envs = list(dict.fromkeys(rows["env"]))
+    with figure(path, 2.6 * len(envs), 3.0) as canvas:
+        for axis, env in zip(np.atleast_1d(canvas.subplots(1, len(envs))), envs, strict=True):
+            pairs = _pairs(rows, env)
+            if not pairs:
+                continue
+            low = min(min(x, y) for x, y, _ in pairs) - 1.0
+            high = max(max(x, y) for x, y, _ in pairs) + 1.0
+            axis.plot([low, high], [low, high], color=LINE, lw=1.0)
+            for x, y, crashed in pairs:
+                axis.plot(x, y, "x" if crashed else "o", color=BAD if crashed else GOOD, ms=5, alpha=0.8)
+            axis.set(title=env, xlabel="IDM [m/s]", xlim=(low, high), ylim=(low, high), aspect="equal")
+        canvas.axes[0].set_ylabel("urbanjax [m/s]")
+
+
+def _pairs(rows: dict[str, list[Any]], env: str) -> list[tuple[float, float, bool]]:
+    """Mean speeds of IDM and stack in the same traffic, and whether the stack collided."""
+    found: dict[int, dict[str, tuple[float, bool]]] = {}
+    for name, who, seed, speed, crashed in zip(
+        *(rows[key] for key in ("env", "driver", "seed", "mean_speed_mps", "collision")), strict=True
+    ):
+        if name == env:
+            found.setdefault(seed, {})[who] = speed, crashed
+    return [(pair[IDM][0], *pair[STACK]) for pair in found.values() if len(pair) == 2]
+
+
+def _groups(rows: dict[str, list[Any]]) -> Iterator[tuple[str, str, dict[str, list[Any]]]]:
+    keys = list(zip(rows["env"], rows["driver"], strict=True))
+    for key in dict.fromkeys(keys):
+        yield *key, {name: [v for k, v in zip(keys, values, strict=True) if k == key] for name, values in rows.items()}

@@ -1,0 +1,209 @@
+"""The overtaking study of Fig. 10: rollouts over aggressiveness and start, and what they amount to."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.roadmap.course import Course
+from urbanjax.roadmap.extended import ExtendParams, extend, sized
+from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.sim import lanes as tables
+from urbanjax.sim import metrics
+from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.log import Log
+from urbanjax.sim.metrics import Metrics
+from urbanjax.sim.rollout import LoopParams, rollout
+from urbanjax.sim.scenarios import overtake
+from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
+from urbanjax.sim.scenarios.scenario import Scenario
+from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.stack import StackParams
+from urbanjax.types import as_arrays, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+NO_CLAMP = 1e-6  # s, a least time to collision that never matters
+
+
+@pytree
+class OvertakeStudy:
+    """Which values of tau, how many starts and for how long."""
+
+    stack: StackParams = StackParams()
+    sim: SimParams = SimParams()
+    scenario: OvertakeParams = OvertakeParams()
+    extend: ExtendParams = ExtendParams()
+    taus: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
+    period: float = 0.1  # s, of one stack step
+    duration: float = static(default=20.0)  # s
+    starts: int = static(default=64)
+    seed: int = static(default=0)
+    gif_every: int = static(default=2)  # steps between the pictures, 0 for none
+
+
+def scene(study: OvertakeStudy) -> tuple[Course, Lanes, Scenario]:
+    """The course, the simulator's tables of its road, and S starts stacked along the first axis."""
+    graph = overtake.road(study.scenario)
+    route = route_between(graph, RIGHT, RIGHT, params=RouteParams())
+    course = Course(graph, extend(graph, route, as_arrays(sized(graph, route, study.extend))))
+    keys = jax.random.split(jax.random.key(study.seed), study.starts)
+    scenario, sim = as_arrays((study.scenario, study.sim))
+    starts = jax.jit(jax.vmap(overtake.sample, in_axes=(0, None, None)))(keys, scenario, sim)
+    return course, tables.from_graph(graph), starts
+
+
+def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None) -> tuple["Fig10", dict[str, float]]:
+    """All rollouts of the study, in one compiled program, and the seconds that it took to compile and to run."""
+    course, lanes, starts = scene(study)
+    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    clamp_time = loop.stack.behavior.gvp.clamp_time
+    taus, clamps = as_arrays(jnp.asarray(study.taus)), jnp.stack([clamp_time, jnp.full_like(clamp_time, NO_CLAMP)])
+    tick(f"compiling one program for {len(study.taus)} values of tau and {study.starts} starts")
+    began = time.perf_counter()
+    steps = round(study.duration / study.period)
+    program = jax.jit(_grid, static_argnames="n_steps")
+    program = program.lower(loop, course, lanes, starts.world, taus, clamps, n_steps=steps).compile()
+    compiled = time.perf_counter()
+    tick(f"driving {2 * len(study.taus) * study.starts} rollouts of {steps} steps")
+    log, way, scores = jax.block_until_ready(program(loop, course, lanes, starts.world, taus, clamps))
+    times = {"compile_s": compiled - began, "run_s": time.perf_counter() - compiled}
+    log, way, scores = jax.device_get((log, way, scores))
+    return gather(study.taus, starts.crowded, log, way, scores, study.sim.vehicle), times
+
+
+def _grid(
+    loop: LoopParams,
+    course: Course,
+    lanes: Lanes,
+    starts: WorldState,
+    taus: jax.Array,
+    clamps: jax.Array,
+    n_steps: int,
+) -> tuple[Log, jax.Array, Metrics]:
+    """Log, progress and metrics over [A, 2, S]: tau, with and without the clamp, start."""
+
+    def one(tau: jax.Array, clamp_time: jax.Array, start: WorldState) -> tuple[Log, jax.Array, Metrics]:
+        gvp = loop.stack.behavior.gvp.replace(tau=tau, clamp_time=clamp_time)
+        behavior = loop.stack.behavior.replace(gvp=gvp)
+        log, _ = rollout(loop.replace(stack=loop.stack.replace(behavior=behavior)), course, lanes, start, n_steps)
+        return log, metrics.progress(log), metrics.evaluate(log, loop.sim.vehicle, loop.stack.relaxation)
+
+    for axes in ((None, None, 0), (None, 0, None), (0, None, None)):
+        one = jax.vmap(one, in_axes=axes)
+    return one(taus, clamps, starts)
+
+
+@dataclasses.dataclass(frozen=True)
+class Fig10:
+    """Rollouts over A values of tau, with (0) and without (1) the time-to-collision clamp, and S paired starts."""
+
+    taus: np.ndarray  # [A]
+    crowded: np.ndarray  # [S] bool, traffic in the target lane
+    time: np.ndarray  # [T] s
+    speed: np.ndarray  # [A, 2, S, T] m/s
+    way: np.ndarray  # [A, 2, S, T] m, progress since the start
+    ego: np.ndarray  # [A, 2, S, T, 3] x, y (m), heading (rad) of the box centre
+    others: np.ndarray  # [A, 2, S, T, V, 5] x, y (m), heading (rad), length, width (m)
+    present: np.ndarray  # [S, V] bool
+    collided: np.ndarray  # [A, 2, S] bool
+    completed: np.ndarray  # [A, 2, S] bool, past the slow vehicle at the end
+    drop: np.ndarray  # [A, 2, S] m/s, initial less smallest speed
+    ttc: np.ndarray  # [A, 2, S] s, smallest time to collision of the boxes
+    off_road: np.ndarray  # [A, 2, S] bool
+    vehicle: VehicleParams
+
+    @property
+    def progress(self) -> np.ndarray:
+        """Terminal progress [A, 2, S] m."""
+        return self.way[..., -1]
+
+
+def gather(taus: Any, crowded: Any, log: Log, way: Any, metrics: Metrics, vehicle: VehicleParams) -> Fig10:
+    """The study from its rollouts. Args: log, its fields [A, 2, S, T, ..]; way [A, 2, S, T] m; metrics [A, 2, S]."""
+    others = log.traffic
+    body = np.stack([others.heading, others.length, others.width], axis=-1)
+    ego = np.concatenate([log.centre, np.asarray(log.ego.heading)[..., None]], axis=-1)
+    others = np.concatenate([others.position, body], axis=-1)
+    last = others[:, :, :, -1, LEADER]
+    ahead = (ego[:, :, :, -1, :2] - last[..., :2]) * np.stack([np.cos(last[..., 2]), np.sin(last[..., 2])], -1)
+    completed = ahead.sum(-1) > (vehicle.length + last[..., 3]) / 2
+    return Fig10(
+        taus=np.asarray(taus),
+        crowded=np.asarray(crowded),
+        time=np.asarray(log.time)[0, 0, 0],
+        speed=np.asarray(log.ego.speed),
+        way=np.asarray(way),
+        ego=ego,
+        others=others,
+        present=np.asarray(log.traffic.valid)[0, 0, :, 0],
+        collided=np.asarray(metrics.collision) > 0.5,
+        completed=completed,
+        drop=np.asarray(metrics.speed_drop),
+        ttc=np.asarray(metrics.ttc_box),
+        off_road=np.asarray(metrics.off_road) > 0.5,
+        vehicle=vehicle,
+    )
+
+
+def table(study: Fig10) -> dict[str, list[Any]]:
+    """Columns by heading, one row per tau: means and counts over the paired starts, with and without the clamp."""
+    free = ~study.crowded
+    rows: dict[str, list[Any]] = {"tau": study.taus.tolist()}
+    rows["progress [m]"] = study.progress[:, 0].mean(-1).tolist()
+    rows["speed drop [m/s]"] = study.drop[:, 0].mean(-1).tolist()
+    rows["speed drop, lane free [m/s]"] = _mean(study.drop[:, 0], free)
+    rows["completed [%]"] = (100 * study.completed[:, 0].mean(-1)).tolist()
+    rows["completed, lane free [%]"] = [None if x is None else 100 * x for x in _mean(study.completed[:, 0], free)]
+    rows["collisions"] = study.collided[:, 0].sum(-1).tolist()
+    rows["least TTC [s]"] = study.ttc[:, 0].min(-1).tolist()
+    rows["off the road"] = study.off_road[:, 0].sum(-1).tolist()
+    rows["progress, no clamp [m]"] = study.progress[:, 1].mean(-1).tolist()
+    rows["speed drop, no clamp [m/s]"] = study.drop[:, 1].mean(-1).tolist()
+    rows["collisions, no clamp"] = study.collided[:, 1].sum(-1).tolist()
+    return rows
+
+
+def summary(study: Fig10) -> dict[str, float | None]:
+    """Flat numbers of the study: name with tau and unit."""
+    free = ~study.crowded
+    out: dict[str, float | None] = {"starts": study.crowded.size, "starts_lane_free": int(free.sum())}
+    for i, tau in enumerate(study.taus):
+        for k, variant in enumerate(("", "_no_clamp")):
+            name = f"tau_{tau:g}{variant}"
+            out[f"{name}_progress_m"] = study.progress[i, k].mean()
+            out[f"{name}_speed_drop_mps"] = study.drop[i, k].mean()
+            out[f"{name}_speed_drop_lane_free_mps"] = _mean(study.drop[i, k][None], free)[0]
+            out[f"{name}_completed_share"] = study.completed[i, k].mean()
+            out[f"{name}_completed_lane_free_share"] = _mean(study.completed[i, k][None], free)[0]
+            out[f"{name}_collisions"] = int(study.collided[i, k].sum())
+            out[f"{name}_off_road"] = int(study.off_road[i, k].sum())
+            out[f"{name}_least_ttc_s"] = study.ttc[i, k].min()
+    return out
+
+
+def _mean(values: np.ndarray, mask: np.ndarray) -> list[float | None]:
+    """Means over the masked starts of values [A, S]; None where there are none."""
+    return [float(row[mask].mean()) if mask.any() else None for row in values]
+
+
+def starts(study: Fig10) -> dict[str, Any]:
+    """One row per rollout, for the table on disk."""
+    shape = study.collided.shape
+    index = np.indices(shape).reshape(3, -1)
+    return {
+        "tau": study.taus[index[0]],
+        "clamp": index[1] == 0,
+        "start": index[2],
+        "lane_free": ~study.crowded[index[2]],
+        "initial_speed_mps": study.speed[..., 0].ravel(),
+        "progress_m": study.progress.ravel(),
+        "speed_drop_mps": study.drop.ravel(),
+        "completed": study.completed.ravel(),
+        "collided": study.collided.ravel(),
+        "least_ttc_s": study.ttc.ravel(),
+        "off_road": study.off_road.ravel(),
+    }
