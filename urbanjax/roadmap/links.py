@@ -1,9 +1,12 @@
 """Places on links: from (link, station) to the plane, with a constant number of look-ups per query."""
 
-import jax.numpy as jnp
-from jax import Array
-from jaxtyping import Float, Int
+from typing import Any
 
+import jax.numpy as jnp
+from jax import Array, lax
+from jaxtyping import Bool, Float, Int
+
+from urbanjax.numerics import safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import pytree
 
@@ -18,36 +21,52 @@ class LinkPoint:
     width: Array  # [*q] m, between the borders
 
 
+@pytree
+class Foot:
+    """Where normals meet links."""
+
+    station: Array  # [*q] m
+    offset: Array  # [*q] m from the point along its normal, left positive
+    heading: Array  # [*q] rad, of the link there
+    width: Array  # [*q] m, of the link there
+
+
 def sample(graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"]) -> LinkPoint:
     """The centre line of each link at each station [m]; beyond its ends a link goes straight on.
 
     The position is the cubic Hermite curve of the tabulated positions and headings; the rest is linear. Continuous and
     differentiable in the station.
     """
-    last = graph.centre.shape[1] - 1
-    step = graph.length[link] / last
+    return _sample(_nodes(graph), graph.length, link, station)
+
+
+def _nodes(graph: RoadGraph) -> Array:
+    """All that `sample` reads, as one table [L, P, 5], because look-ups cost by the number, not by the size."""
+    across = graph.left - graph.right
+    width = safe.norm(across)
+    return jnp.concatenate([graph.centre, *(x[..., None] for x in (graph.heading, graph.curvature, width))], axis=-1)
+
+
+def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoint:
+    n_points = nodes.shape[1]
+    step = length[link] / (n_points - 1)
     steps = station / step
-    inside = jnp.clip(steps, 0, last)
-    k = jnp.clip(jnp.floor(inside).astype(int), 0, last - 1)
-    f = inside - k
-    h0, h1 = graph.heading[link, k], graph.heading[link, k + 1]
-    heading = h0 * (1 - f) + h1 * f
+    inside = jnp.clip(steps, 0, n_points - 1)
+    k = jnp.clip(jnp.floor(inside).astype(int), 0, n_points - 2)
+    f = (inside - k)[..., None]
+    rows = nodes.reshape(-1, nodes.shape[-1])
+    a, b = rows[link * n_points + k], rows[link * n_points + k + 1]
+    mixed = a * (1 - f) + b * f
+    heading = mixed[..., 2]
 
     def direction(angle: Array) -> Array:
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
 
-    g = f[..., None]
-    end = g * g * (3 - 2 * g)
-    bend = g * (1 - g) * ((1 - g) * direction(h0) - g * direction(h1))
-    position = (1 - end) * graph.centre[link, k] + end * graph.centre[link, k + 1] + step[..., None] * bend
+    end = f * f * (3 - 2 * f)
+    bend = f * (1 - f) * ((1 - f) * direction(a[..., 2]) - f * direction(b[..., 2]))
+    position = (1 - end) * a[..., :2] + end * b[..., :2] + step[..., None] * bend
     beyond = (steps - inside) * step
-    across = [jnp.hypot(*jnp.moveaxis(graph.left[link, i] - graph.right[link, i], -1, 0)) for i in (k, k + 1)]
-    return LinkPoint(
-        position=position + beyond[..., None] * direction(heading),
-        heading=heading,
-        curvature=graph.curvature[link, k] * (1 - f) + graph.curvature[link, k + 1] * f,
-        width=across[0] * (1 - f) + across[1] * f,
-    )
+    return LinkPoint(position + beyond[..., None] * direction(heading), heading, mixed[..., 3], mixed[..., 4])
 
 
 def foot(
@@ -56,20 +75,36 @@ def foot(
     guess: Float[Array, "*q"],
     position: Float[Array, "*q 2"],
     heading: Float[Array, "*q"],
-    iterations: int = 3,
-) -> tuple[Float[Array, "*q"], Float[Array, "*q"]]:
-    """Where the normal to each heading [rad] at each position [m] meets each link: station [m] and offset [m].
+    iterations: int = 4,
+) -> Foot:
+    """Where the normal to each heading [rad] at each position [m] meets each link.
 
-    The station may lie beyond the ends of the link; the offset is positive where the link is on the left. Newton's
-    method from `guess` [m]; for lanes that run along or against the heading.
+    Newton's method from the station `guess` [m]; for lanes that run along or against the heading. The foot may lie
+    beyond the ends of the link, which goes straight on there.
     """
+    nodes = _nodes(graph)
     tangent = jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
     normal = jnp.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-    station = guess
-    for _ in range(iterations):
-        point = sample(graph, link, station)
+
+    # A loop of one look-up: unrolled, or with one more after it, it would take several times as long to compile.
+    def improve(_: Any, now: Foot) -> Foot:
+        point = _sample(nodes, graph.length, link, now.station)
         slope = jnp.cos(point.heading - heading)
         slope = jnp.where(slope < 0, -1, 1) * jnp.maximum(jnp.abs(slope), 0.2)
-        station = station + jnp.sum((position - point.position) * tangent, axis=-1) / slope
-    away = sample(graph, link, station).position - position
-    return station, jnp.sum(away * normal, axis=-1)
+        away = point.position - position
+        station = now.station - jnp.sum(away * tangent, axis=-1) / slope
+        return Foot(station, jnp.sum(away * normal, axis=-1), point.heading, point.width)
+
+    return lax.fori_loop(0, iterations, improve, Foot(guess, guess, guess, guess))
+
+
+def beside(
+    graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"], left: Bool[Array, "*q"]
+) -> Float[Array, "*q"]:
+    """Station [m] on the left (or else right) neighbour beside each station [m], from the graph's station maps."""
+    last = graph.centre.shape[1] - 1
+    steps = jnp.clip(station * last / graph.length[link], 0, last)
+    k = jnp.clip(jnp.floor(steps).astype(int), 0, last - 1)
+    f = steps - k
+    a, b = (jnp.where(left, graph.left_station[link, i], graph.right_station[link, i]) for i in (k, k + 1))
+    return a * (1 - f) + b * f

@@ -5,10 +5,12 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from urbanjax.roadmap.builders.relations import conflicts, neighbour_stations, opposites
 from urbanjax.roadmap.builders.specs import LaneSpec, check, resample
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.padding import pad
 from urbanjax.types import RoadError
 
 FAR = 20_000.0  # m from the origin beyond which float32 coordinates lose more than a millimetre
@@ -47,75 +49,59 @@ def assemble(
     at = _origin(centre, origin)
     areas = list(dict.fromkeys(["", *(spec.area for spec in specs)]))
 
-    pad = _Padding(_size("n_links", n_links, len(specs)), len(specs))
-    n_s = _size("n_successors", n_successors, max(len(row) for row in [*successors, *predecessors]))
-    n_x = _size("n_relations", n_relations, max(len(row) for row in [*opposite, *conflict]))
-    n_y = _size("n_signals_per_link", n_signals_per_link, max(len(row) for row in signals))
-    successor, has_successor = pad.table(successors, n_s)
-    predecessor, has_predecessor = pad.table(predecessors, n_s)
-    opposite_link, has_opposite = pad.table([[j for j, _ in row] for row in opposite], n_x)
-    conflict_link, has_conflict = pad.table(conflict, n_x)
-    signal, has_signal = pad.table([[g for g, _ in row] for row in signals], n_y)
-    return RoadGraph(
-        centre=pad.floats(centre - at),
-        left=pad.floats(left - at),
-        right=pad.floats(right - at),
-        heading=pad.floats(heading),
-        curvature=pad.floats(curvature),
-        station=pad.floats(length[:, None] * np.linspace(0.0, 1.0, n_points)),
-        length=pad.floats(length),
-        speed_limit=pad.floats([spec.speed_limit for spec in specs]),
-        turn=pad.integers([int(spec.turn) for spec in specs]),
-        road_type=pad.integers([int(spec.road_type) for spec in specs]),
-        rule=pad.integers([int(spec.rule) for spec in specs]),
-        valid=pad.flags(np.ones(len(specs))),
+    n_s, n_x, n_y = (
+        max(1, *(len(row) for row in rows)) for rows in ([*successors, *predecessors], [*opposite, *conflict], signals)
+    )
+    successor, has_successor = _table(successors, n_s)
+    predecessor, has_predecessor = _table(predecessors, n_s)
+    opposite_link, has_opposite = _table([[j for j, _ in row] for row in opposite], n_x)
+    conflict_link, has_conflict = _table(conflict, n_x)
+    signal, has_signal = _table([[g for g, _ in row] for row in signals], n_y)
+    graph = RoadGraph(
+        centre=_floats(centre - at),
+        left=_floats(left - at),
+        right=_floats(right - at),
+        heading=_floats(heading),
+        curvature=_floats(curvature),
+        station=_floats(length[:, None] * np.linspace(0.0, 1.0, n_points)),
+        length=_floats(length),
+        speed_limit=_floats([spec.speed_limit for spec in specs]),
+        turn=_integers([int(spec.turn) for spec in specs]),
+        road_type=_integers([int(spec.road_type) for spec in specs]),
+        rule=_integers([int(spec.rule) for spec in specs]),
+        valid=jnp.ones(len(specs), bool),
         successor=successor,
         has_successor=has_successor,
         predecessor=predecessor,
         has_predecessor=has_predecessor,
-        **_sides(specs, neighbour, (centre, heading, length), pad),
+        **_sides(specs, neighbour, centre, heading, length),
         opposite=opposite_link,
         has_opposite=has_opposite,
-        opposite_offset=pad.floats(_ragged([[x for _, x in row] for row in opposite], n_x)),
+        opposite_offset=_floats(_ragged([[x for _, x in row] for row in opposite], n_x)),
         conflict=conflict_link,
         has_conflict=has_conflict,
         signal=signal,
         has_signal=has_signal,
-        stop_line=pad.floats(_ragged([[s for _, s in row] for row in signals], n_y)),
-        area=pad.integers([areas.index(spec.area) for spec in specs]),
+        stop_line=_floats(_ragged([[s for _, s in row] for row in signals], n_y)),
+        area=_integers([areas.index(spec.area) for spec in specs]),
         origin=(float(at[0]), float(at[1])),
         area_names=tuple(areas),
-        n_signals=_size("n_signals", n_signals, 1 + max((g for row in signals for g, _ in row), default=-1), least=0),
+        n_signals=_count(signals, n_signals),
     )
+    return pad(graph, n_links, n_successors, n_relations, n_signals_per_link)
 
 
-class _Padding:
-    """Casts host arrays of n rows to device arrays of `size` rows.
+def _floats(x: Any) -> Array:
+    return jnp.asarray(x, jnp.zeros(()).dtype)
 
-    The first row is repeated, so that arithmetic on the padding stays well-formed; masks are false there.
-    """
 
-    def __init__(self, size: int, n: int):
-        self.size, self.n = size, n
+def _integers(x: Any) -> Array:
+    return jnp.asarray(np.asarray(x), jnp.int32)
 
-    def _rows(self, x: Any) -> np.ndarray:
-        x = np.asarray(x)
-        return np.concatenate([x, np.repeat(x[:1], self.size - self.n, axis=0)])
 
-    def floats(self, x: Any) -> Any:
-        return jnp.asarray(self._rows(x), jnp.zeros(()).dtype)
-
-    def integers(self, x: Any) -> Any:
-        return jnp.asarray(self._rows(x), jnp.int32)
-
-    def flags(self, x: Any) -> Any:
-        mask = self._rows(np.asarray(x, bool))
-        mask[self.n :] = False
-        return jnp.asarray(mask)
-
-    def table(self, rows: list[list[int]], width: int) -> tuple[Any, Any]:
-        """Indices [size, width] and their mask, from ragged rows."""
-        return self.integers(_ragged(rows, width)), self.flags(_ragged([[1] * len(row) for row in rows], width))
+def _table(rows: list[list[int]], width: int) -> tuple[Array, Array]:
+    """Indices [L, width] and their mask, from ragged rows."""
+    return _integers(_ragged(rows, width)), jnp.asarray(_ragged([[1] * len(row) for row in rows], width) > 0)
 
 
 def _ragged(rows: list[list[Any]], width: int) -> np.ndarray:
@@ -146,18 +132,21 @@ def _succession(
 def _sides(
     specs: Sequence[LaneSpec],
     neighbour: dict[str, np.ndarray],
-    shape: tuple[np.ndarray, np.ndarray, np.ndarray],
-    pad: _Padding,
-) -> dict[str, Any]:
+    centre: np.ndarray,
+    heading: np.ndarray,
+    length: np.ndarray,
+) -> dict[str, Array]:
     """The graph's fields about left and right neighbours."""
     out = {}
     for side, link in neighbour.items():
         stated = [getattr(spec, f"{side}_change") for spec in specs]
         beside = np.where(link < 0, np.arange(len(specs)), link)
-        out[f"{side}_link"] = pad.integers(np.maximum(link, 0))
-        out[f"has_{side}"] = pad.flags(link >= 0)
-        out[f"{side}_change"] = pad.flags([j >= 0 if s is None else s for s, j in zip(stated, link, strict=True)])
-        out[f"{side}_station"] = pad.floats(neighbour_stations(*shape, beside))
+        out[f"{side}_link"] = _integers(np.maximum(link, 0))
+        out[f"has_{side}"] = jnp.asarray(link >= 0)
+        out[f"{side}_change"] = jnp.asarray(
+            [bool(j >= 0 if s is None else s) for s, j in zip(stated, link, strict=True)]
+        )
+        out[f"{side}_station"] = _floats(neighbour_stations(centre, heading, length, beside))
     return out
 
 
@@ -213,7 +202,9 @@ def _origin(centre: np.ndarray, origin: tuple[float, float] | None) -> np.ndarra
     return at
 
 
-def _size(name: str, given: int | None, needed: int, least: int = 1) -> int:
+def _count(signals: list[list[tuple[int, float]]], given: int | None) -> int:
+    """Number of signals of the map."""
+    needed = 1 + max((g for row in signals for g, _ in row), default=-1)
     if given is not None and given < needed:
-        raise RoadError(f"{name} is {given}, but the network needs {needed}: raise it or leave it out")
-    return max(needed if given is None else given, least)
+        raise RoadError(f"n_signals is {given}, but signal {needed - 1} is named: raise it or leave it out")
+    return needed if given is None else given

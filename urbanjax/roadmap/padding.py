@@ -1,0 +1,47 @@
+"""Road graphs of equal shape, so that one compiled program serves them all."""
+
+import jax.numpy as jnp
+from jax import Array
+
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.types import RoadError
+
+TABLES = {
+    "n_successors": ("successor", "has_successor", "predecessor", "has_predecessor"),
+    "n_relations": ("opposite", "has_opposite", "opposite_offset", "conflict", "has_conflict"),
+    "n_signals_per_link": ("signal", "has_signal", "stop_line"),
+}
+STATIC = ("origin", "area_names", "n_signals")
+
+
+def pad(
+    graph: RoadGraph,
+    n_links: int | None = None,
+    n_successors: int | None = None,
+    n_relations: int | None = None,
+    n_signals_per_link: int | None = None,
+) -> RoadGraph:
+    """The graph with more, invalid links and wider tables; None leaves a size as it is.
+
+    Padding links repeat the first one, so that arithmetic on them stays well-formed; their masks are false. Raises
+    RoadError where a size is below what the graph has.
+    """
+    fields = {name: value for name, value in vars(graph).items() if name not in STATIC}
+    sizes = {"n_successors": n_successors, "n_relations": n_relations, "n_signals_per_link": n_signals_per_link}
+    for size_name, names in TABLES.items():
+        for name in names:
+            more = _more(size_name, sizes[size_name], fields[name].shape[1])
+            fields[name] = jnp.pad(fields[name], ((0, 0), (0, more)))
+    more = _more("n_links", n_links, graph.length.shape[0])
+    return graph.replace(**{name: _longer(value, more) for name, value in fields.items()})
+
+
+def _more(name: str, size: int | None, present: int) -> int:
+    if size is not None and size < present:
+        raise RoadError(f"{name} is {size}, but the network needs {present}: raise it or leave it out")
+    return 0 if size is None else size - present
+
+
+def _longer(x: Array, more: int) -> Array:
+    row = jnp.zeros_like(x[:1]) if x.dtype == bool else x[:1]
+    return jnp.concatenate([x, *([row] * more)])
