@@ -18,10 +18,9 @@ from urbanjax.vehicle.params import VehicleParams
 class ConnectParams:
     """How a path joins a lane."""
 
-    duration: float = 2.5  # s, to reach the lane's centre
-    min_length: float = 10.0  # m
-    terminal_time: float = 3.0  # s ahead, where the terminal point of a path lies (the t of Eq. 28)
-    terminal_distance: float = 15.0  # m ahead, at least
+    duration: float = 4.0  # s, to reach the lane's centre
+    min_length: float = 12.0  # m
+    terminal_scale: float = 1.0  # m, by which the terminal point clearly lies farther to the side than others
 
 
 def connect(

@@ -36,6 +36,7 @@ def following_speed(
     surroundings: Surroundings,
     occupancy: Float[Array, "o"],
     front: Float[Array, ""],
+    lead: Float[Array, "o"],
     speed: Float[Array, ""],
     cap: Float[Array, ""],
     headway: HeadwayParams,
@@ -43,10 +44,11 @@ def following_speed(
 ) -> Float[Array, ""]:
     """Car-following speed in m/s behind the most restrictive object of a lane (v_T or v_E of Eq. 28).
 
-    Args: occupancy [O], degree of being in the lane; front m, station of the ego's front bumper; cap m/s.
+    Args: occupancy [O], degree of being in the lane; front m, station of the ego's front bumper; lead [O] m, how far
+    its rear is ahead of the ego's front when the ego is in the lane (one that is passed before does not count).
     """
     gap = surroundings.station - surroundings.half_length - front
-    ahead = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
+    ahead = soft.above(lead, -0.5, relaxation, scale=1.0)
     each = constant_headway_speed(speed, gap, surroundings.speed, cap, headway)
     relevant = soft.both(occupancy, ahead)
     return soft.minimum(cap - relevant * (cap - each), relaxation, scale=0.5, fill=1e3, mask=surroundings.valid)

@@ -9,6 +9,8 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.extended import ExtendedGraph, Sample, sample
 from urbanjax.types import pytree
 
+NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be worth
+
 
 @pytree
 class LaneParams:
@@ -41,6 +43,13 @@ def lane_profile(extended: ExtendedGraph, station: Float[Array, "k"], weights: F
     return sample(extended, station).lane_offset @ weights
 
 
-def has_any(weights: Float[Array, "q"], mask: Array) -> Float[Array, ""]:
-    """Degree to which the weighted lane has a property. Args: mask [Q] bool."""
-    return jnp.sum(weights * mask.astype(weights.dtype))
+def terminal(
+    offset: Float[Array, "k"], lane: Float[Array, "k"], scale: float | Array, relaxation: Relaxation
+) -> Float[Array, "k"]:
+    """Weights over a path's points on its terminal point, where its move to the side is complete (the t of Eq. 28).
+
+    Paths here go on beyond their manoeuvre and may come back, so the terminal point is the one farthest from the ego
+    lane; of equally far ones, the nearest. Args: offset, lane [K] m, of the path and of the ego lane's centre.
+    """
+    later = NEARER * jnp.arange(offset.shape[0]).astype(offset.dtype)
+    return soft.choose(later - (offset - lane) ** 2, relaxation, scale=scale)

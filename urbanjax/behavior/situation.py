@@ -23,6 +23,11 @@ class Body:
     offset: Array  # m, lateral
     speed: Array  # m/s
 
+    @property
+    def centre(self) -> Array:
+        """Station of the centre of the box, in metres."""
+        return (self.rear + self.front) / 2
+
 
 def body_of(start: Progress, state: VehicleState, vehicle: VehicleParams) -> Body:
     """The ego's bumpers and centre along the route. Args: start, where its rear axle is on the route."""

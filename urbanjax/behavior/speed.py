@@ -39,21 +39,23 @@ def plan(
     around, body, path = choice.surroundings, choice.body, choice.path
     cap = caps.now(path, choice.cap, choice.signal, params.caps)
 
-    def lane_speed(weights: Float[Array, "q"]) -> Float[Array, ""]:
+    def lane_speed(weights: Float[Array, "q"], front: Array, time: float | Array) -> Float[Array, ""]:
         lane = lane_profile(window, around.station, weights)
         occupancy = in_lane(around, lane, vehicle.width / 2, params.occupancy, relaxation)
-        return gvp.following_speed(around, occupancy, body.front, ego.speed, cap, params.headway, relaxation)
+        lead = around.station - around.half_length + time * around.speed - front
+        return gvp.following_speed(around, occupancy, body.front, lead, ego.speed, cap, params.headway, relaxation)
 
     def distances(station: Float[Array, ""], offset: Float[Array, ""]) -> tuple[Array, Array]:
         to_lanes = [offset - lane_profile(window, station[None], w)[0] for w in (choice.target_lane, choice.ego_lane)]
         to_target, to_ego = (safe.sqrt(d**2 + 1e-6) for d in to_lanes)
         return to_target, to_ego
 
+    arrival = choice.terminal @ path.station + body.front - path.station[0]
     lanes = gvp.plan_speed(
-        terminal=distances(choice.terminal, jnp.interp(choice.terminal, path.station, path.offset)),
-        centre=distances((body.front + body.rear) / 2, body.offset),
-        v_target=lane_speed(choice.target_lane),
-        v_ego=lane_speed(choice.ego_lane),
+        terminal=distances(choice.terminal @ path.station, choice.terminal @ path.offset),
+        centre=distances(body.centre, body.offset),
+        v_target=lane_speed(choice.target_lane, arrival, choice.terminal @ choice.time),
+        v_ego=lane_speed(choice.ego_lane, body.front, 0.0),
         params=params.gvp,
     )
     rear = around.station - around.half_length

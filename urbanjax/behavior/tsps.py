@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.behavior import caps
 from urbanjax.behavior.candidates import connect, mix, room_along
-from urbanjax.behavior.lanes import lane_profile, nearest_lane
+from urbanjax.behavior.lanes import lane_profile, nearest_lane, terminal
 from urbanjax.behavior.params import BehaviorParams
 from urbanjax.behavior.situation import (
     Body,
@@ -52,6 +52,7 @@ class Candidate:
 
     path: Path
     cap: Array  # [K] m/s, speed limit and curves
+    time: Array  # [K] s, of passing each point at free-flow speed
     clearance: Array  # [] m, smallest over the horizon at free-flow speed
 
 
@@ -61,7 +62,8 @@ class Choice:
 
     path: Path
     cap: Array  # [K] m/s, along the path
-    terminal: Array  # [] m, station of the path's terminal point
+    time: Array  # [K] s, of passing each point of it at free-flow speed
+    terminal: Array  # [K] weights over the path's points on its terminal point
     ego_lane: Array  # [Q] weights, Eq. 26
     target_lane: Array  # [Q] weights, the lane that the path leads to
     selection: Selection
@@ -102,8 +104,7 @@ def select(
     signal = signal_ahead(window, observation.signals, body)
     station = micro.path.station
     limit = sample(window, station).speed_limit
-    terminal = station[0] + jnp.maximum(params.connect.terminal_time * ego.speed, params.connect.terminal_distance)
-    lanes = find_lanes(window, body, micro.path, terminal, state.ego_lane, params, relaxation)
+    lanes = find_lanes(window, body, micro.path, state.ego_lane, params, relaxation)
 
     def candidate(lane: Float[Array, "q"]) -> Candidate:
         path = connect(window, start, ego, station, lane_profile(window, station, lane), params.connect)
@@ -111,12 +112,12 @@ def select(
         speed, time = free_flow(ego.speed, cap, station - station[0], params.profile)
         horizon = params.tsps.horizon
         room = room_along(path, speed, time, horizon, prediction, follower, vehicle, params.clearance, relaxation)
-        return Candidate(path=path, cap=cap, clearance=room)
+        return Candidate(path=path, cap=cap, time=time, clearance=room)
 
     micro_cap = caps.along(micro.path, limit, params.caps)
     candidates = {
         ROUTE: candidate(lanes.route),
-        MICRO: Candidate(path=micro.path, cap=micro_cap, clearance=micro.clearance),
+        MICRO: Candidate(path=micro.path, cap=micro_cap, time=micro.time, clearance=micro.clearance),
         EGO: candidate(lanes.ego),
     }
     memory, situation = assess(
@@ -136,10 +137,14 @@ def select(
     selection = decide(situation, params.tsps)
     route, over, keep = selection.path
     ordered = [candidates[i] for i in range(3)]
+    path = mix([c.path for c in ordered], selection.path)
     choice = Choice(
-        path=mix([c.path for c in ordered], selection.path),
+        path=path,
         cap=selection.path @ jnp.stack([c.cap for c in ordered]),
-        terminal=terminal,
+        time=selection.path @ jnp.stack([c.time for c in ordered]),
+        terminal=terminal(
+            path.offset, lane_profile(window, station, lanes.ego), params.connect.terminal_scale, relaxation
+        ),
         ego_lane=lanes.ego,
         target_lane=route * lanes.route + over * lanes.micro + keep * lanes.ego,
         selection=selection,
@@ -156,18 +161,21 @@ def find_lanes(
     window: ExtendedGraph,
     body: Body,
     micro: Path,
-    terminal: Float[Array, ""],
     previous: Float[Array, "q"],
     params: BehaviorParams,
     relaxation: Relaxation,
 ) -> Lanes:
     """The route's lane, the ego lane and the lane in which the micro path has its terminal point."""
-    here, there = sample_one(window, body.front), sample_one(window, terminal)
-    end = jnp.interp(terminal, micro.station, micro.offset)
+    weights = jnp.zeros_like(previous).at[window.route_lane].set(1)
+    ego = nearest_lane(sample_one(window, body.front), body.offset, previous, params.lanes, relaxation)
+    along = lane_profile(window, micro.station, ego)
+    end = terminal(micro.offset, along, params.connect.terminal_scale, relaxation)
+    there = sample_one(window, end @ micro.station)
+    nowhere = jnp.zeros_like(previous)
     return Lanes(
-        route=jnp.zeros_like(previous).at[window.route_lane].set(1),
-        ego=nearest_lane(here, body.offset, previous, params.lanes, relaxation),
-        micro=nearest_lane(there, end, jnp.zeros_like(previous), params.lanes, relaxation),
+        route=weights,
+        ego=ego,
+        micro=nearest_lane(there, end @ micro.offset, nowhere, params.lanes, relaxation),
     )
 
 
