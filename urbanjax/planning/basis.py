@@ -47,11 +47,11 @@ def smooth(
     control = jnp.concatenate([2 * values[:1] - values[1:2], values, values[-1:], values[-1:]])
     u = jnp.clip((query - start) / spacing, 0, count)
     x = u[:, None] + 1 - jnp.arange(count + 3).astype(query.dtype)[None, :]
-    r, sign = jnp.abs(x), jnp.sign(x)
+    r = jnp.abs(x)
     outer = jnp.maximum(2 - r, 0)
     near = r < 1
-    value = jnp.where(near, 2 / 3 - r**2 + r**3 / 2, outer**3 / 6)
-    first = jnp.where(near, -2 * r + 1.5 * r**2, -(outer**2) / 2) * sign
+    value = jnp.where(near, 2 / 3 - x * x + x * x * r / 2, outer**3 / 6)
+    first = jnp.where(near, -2 * x + 1.5 * x * r, -(outer**2) / 2 * jnp.sign(x))
     second = jnp.where(near, -2 + 3 * r, outer)
     stacked = product(jnp.concatenate([value, first, second]), control).reshape(3, -1)
     return stacked[0], stacked[1] / spacing, stacked[2] / spacing**2

@@ -49,9 +49,7 @@ def corridor(window: ExtendedGraph, station: Float[Array, "n"]) -> Corridor:
     )
 
 
-def covered(
-    offset: Float[Array, "n m"], half_width: float | Float[Array, "n m"], road: Corridor
-) -> Float[Array, "n m Q"]:
+def covered(offset: Float[Array, "n m"], half_width: float | Array, road: Corridor) -> Float[Array, "n m Q"]:
     """Width (m) of each lane that a footprint covers. Args: offset [n, M] m, of its middle; half_width m."""
     low, high = (offset - half_width)[..., None], (offset + half_width)[..., None]
     right = (road.lane_offset - road.lane_width / 2)[:, None, :]

@@ -57,7 +57,10 @@ def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> F
 
 
 def deviation(
-    offset: Float[Array, "*s k"], other: Float[Array, "*s k"], counts: Float[Array, "*s k"], step: Float[Array, "*s e"]
+    offset: Float[Array, "*s k"],
+    other: Float[Array, "*#s k"],
+    counts: Float[Array, "*#s k"],
+    step: Float[Array, "*s e"],
 ) -> Float[Array, "*s"]:
     """Integral of |offset - other| ds (m^2) at equal station, where it counts (Eq. 23).
 
@@ -67,7 +70,7 @@ def deviation(
 
 
 def slowness(
-    speed: Float[Array, "*s k"], desired: Float[Array, "*s k"], time: Float[Array, "*s k"]
+    speed: Float[Array, "*s k"], desired: Float[Array, "*#s k"], time: Float[Array, "*s k"]
 ) -> Float[Array, "*s"]:
     """Integral of (v_des - v)^2 dt (m^2/s): Eq. 24's length alone would reward not to drive."""
     return integral((desired - speed) ** 2, jnp.diff(time, axis=-1))

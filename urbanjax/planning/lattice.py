@@ -14,7 +14,18 @@ from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
-MACRO_TERMS = ("length", "obstacle", "curvature", "transition", "route", "lane_change", "oncoming", "forbidden")
+MACRO_TERMS = (
+    "length",
+    "obstacle",
+    "curvature",
+    "transition",
+    "route",
+    "lane_change",
+    "oncoming",
+    "line",
+    "collision",
+    "forbidden",
+)
 
 
 @pytree
@@ -28,7 +39,9 @@ class LatticeWeights:
     route: float = 0.05  # per m beside the route's lane and m of way
     lane_change: float = 2.0  # per change
     oncoming: float = 0.1  # per m of way in the oncoming lane
-    forbidden: float = 1e3  # per node or edge that collides, leaves the road or changes lane where it is barred
+    line: float = 5.0  # per m of the footprint over a line that may not be crossed, and m of way
+    collision: float = 500.0  # per colliding node: the least collisions, but
+    forbidden: float = 2e4  # per node off the road, and per step that is too steep or crosses such a line: never
     max_slope: float = 0.4  # of the path against the lane
     lateral_speed: float = 3.0  # m/s
     edge_tolerance: float = 0.15  # m, by which the footprint may leave the road
@@ -114,11 +127,10 @@ def node_terms(
     """
     road, offset, ds = lattice.road, lattice.offset, lattice.spacing
     covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
-    barred = bars(road, lattice.lane, jnp.arange(road.barred.shape[1]))
-    outside = vehicle.width - jnp.sum(covers * (1 - barred), axis=-1) + 1 - road.present[:, lattice.lane]
-    off_road = soft.above(outside, weights.edge_tolerance, relaxation, scale=weights.edge_scale)
+    over = bars(road, lattice.lane, jnp.arange(road.barred.shape[1]))
+    missing = vehicle.width - jnp.sum(covers, axis=-1) + 1 - road.present[:, lattice.lane]
+    off_road = soft.above(missing, weights.edge_tolerance, relaxation, scale=weights.edge_scale)
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
-    bad = soft.either(off_road, collides)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
     turn = road.curvature[:, None] / jnp.maximum(1 - road.curvature[:, None] * offset, 0.2)
@@ -129,8 +141,10 @@ def node_terms(
         "transition": weights.transition * ds * smooth_abs(offset - last[:, None]) * counts[:, None],
         "route": weights.route * ds * smooth_abs(offset - route[:, None]),
         "oncoming": weights.oncoming * ds * opposed,
-        "forbidden": weights.forbidden * bad,
-    }, bad
+        "line": weights.line * ds * jnp.sum(covers * over, axis=-1),
+        "collision": weights.collision * collides,
+        "forbidden": weights.forbidden * off_road,
+    }, soft.either(off_road, collides)
 
 
 def edge_terms(
@@ -155,7 +169,7 @@ def start_terms(
     first = jax.tree.map(lambda x: x[:1], lattice.road)
     lines = boundaries(first)[0]
     # The ego's lane, as weights: the degree to which it is left of each line, less that of the next one.
-    left_of = soft.above(offset, lines, relaxation, scale=weights.line_scale)
+    left_of = soft.above(offset - lines, 0.0, relaxation, scale=weights.line_scale)
     ends = jnp.ones_like(left_of[:1])
     own = jnp.concatenate([ends, left_of]) - jnp.concatenate([left_of, 0 * ends])
     lanes = jnp.arange(own.shape[0])

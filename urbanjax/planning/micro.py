@@ -54,7 +54,8 @@ class MicroParams:
     max_lateral_acceleration: float = 4.0  # m/s^2
     steering_share: float = 0.95  # of the largest curvature that steering can follow
     edge_tolerance: float = 0.1  # m, by which the footprint may leave the road
-    recovery: float = 3.0  # s, within which a vehicle that is off the road has to be back on it
+    recovery: float = 3.0  # s, for which a vehicle that is off the road may still be so; then this fades as long
+    recovery_slack: float = 0.3  # m, by which it may meanwhile be farther off, since it has to turn
     infeasible: float = 1e3  # m, cost of each limit that is broken
     choice_scale: float = 1.0  # m of cost that count as clearly cheaper
     curvature_scale: float = 0.01  # 1/m, clearly within the limit
@@ -157,14 +158,14 @@ def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, para
     step = costs.segments(fan.position)
     last, counts = profile(previous, fan.station)
     near = costs.barrier(room, params.min_clearance, params.barrier) * fade(fan.time, params)
-    every = jnp.ones_like(fan.station)[None, :]
+    everywhere = jnp.ones_like(fan.station)[None, :]
     terms = {
         "length": costs.length(step),
         "obstacle": costs.integral(near, step),
         "curvature": costs.curvature(fan.curvature, step),
         "curvature_rate": costs.curvature_rate(fan.curvature, step),
         "transition": costs.deviation(fan.offset, last[None, :], counts[None, :], step),
-        "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], every, step),
+        "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], everywhere, step),
         "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], fan.time),
         "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, fan.time),
     }
@@ -180,7 +181,8 @@ def limit_margins(
     across = jnp.max(fan.speed**2 * jnp.abs(fan.curvature), axis=1)
     soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
-    excused = outside[:, :1] * jnp.clip(2 - fan.time / params.recovery, 0, 1)
+    start = outside[:, :1] + params.recovery_slack * jnp.clip(outside[:, :1] / params.edge_tolerance, 0, 1)
+    excused = start * jnp.clip(2 - fan.time / params.recovery, 0, 1)
     return (
         steering - sharp,
         params.max_lateral_acceleration - across,
@@ -190,7 +192,7 @@ def limit_margins(
 
 
 def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
-    """Width [J, K] (m) of the ego's footprint that lies on no lane it may use.
+    """Share [J, K] of the ego's footprint across that lies on no lane it may use, times the vehicle's width (m).
 
     May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used.
     """
@@ -201,4 +203,4 @@ def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     middle = fan.offset + vehicle.centre_offset * sin
     usable = road.present * (1 - road.oncoming * jnp.minimum(road.barred, 1))
     covers = covered(middle.T, half_width.T, road) * usable[:, None, :]
-    return 2 * half_width - jnp.sum(covers, axis=-1).T
+    return vehicle.width * (1 - jnp.sum(covers, axis=-1).T / (2 * half_width))

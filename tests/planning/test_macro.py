@@ -1,0 +1,109 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.planning.macro import MACRO_TERMS, offset_at, profile_at
+from urbanjax.planning.previous import remember
+
+
+def test_a_free_road_is_followed_in_its_lane(planner, scenes):
+    window = scenes.road()
+    plan, _, _ = planner(window, scenes.ego(window), scenes.traffic(window, []))
+    np.testing.assert_allclose(plan.offset, 0, atol=1e-6)
+    assert plan.feasible == 1
+    assert plan.value == pytest.approx(0, abs=1e-3)
+    assert np.all(np.diff(plan.time) > 0)
+    assert np.all(plan.speed <= 14.1)
+
+
+def test_a_slow_leader_is_passed_in_the_next_lane(planner, scenes):
+    window = scenes.road()
+    plan, _, _ = planner(window, scenes.ego(window), scenes.traffic(window, [(50.0, 0.0, 3.0)]))
+    assert plan.offset.max() > 2.0
+    assert plan.feasible == 1
+    assert plan.clearance > 0
+    np.testing.assert_allclose(plan.terms.sum(), plan.value, rtol=1e-4)
+    assert plan.terms[MACRO_TERMS.index("forbidden")] == 0
+
+
+@pytest.mark.parametrize("blocked", [{"lanes": (2,)}, {"barred": (2,)}])
+def test_no_lane_is_left_where_that_is_barred(planner, scenes, blocked):
+    window = scenes.road(**blocked)
+    plan, _, _ = planner(window, scenes.ego(window), scenes.traffic(window, [(50.0, 0.0, 3.0)]))
+    assert np.abs(plan.offset).max() < 1.75
+    assert plan.feasible == 0
+    assert plan.terms[MACRO_TERMS.index("forbidden")] == 0
+
+
+def test_the_way_back_over_a_solid_line_is_free(planner, scenes):
+    window = scenes.road(oncoming=(3,), barred=(2,))
+    plan, _, near = planner(window, scenes.ego(window, offset=3.5), scenes.traffic(window, []))
+    np.testing.assert_allclose(plan.offset[-6:], 0, atol=1e-6)
+    assert plan.feasible == 1
+    assert near.feasible == 1
+
+
+def test_the_road_ends_at_its_borders(planner, scenes):
+    window = scenes.road(lanes=(2,), width=4.5)
+    parked = scenes.traffic(window, [(55.0, -1.5, 0.0)])
+    plan, _, _ = planner(window, scenes.ego(window), parked)
+    assert plan.offset.max() == pytest.approx(0, abs=1e-5)  # a third of the lane to the left would overhang its border
+
+
+def test_a_follower_does_not_drive_us_out_of_our_lane(planner, scenes):
+    window = scenes.road()
+    plan, _, near = planner(window, scenes.ego(window, speed=1.0), scenes.traffic(window, [(8.0, 0.0, 13.0)]))
+    assert plan.feasible == 1
+    assert near.feasible == 1
+    np.testing.assert_allclose(plan.offset, 0, atol=1e-6)
+
+
+def test_oncoming_traffic_keeps_us_out_of_its_lane(planner, scenes):
+    window = scenes.road(oncoming=(3,))
+    slow = (50.0, 0.0, 3.0)
+    free, _, _ = planner(window, scenes.ego(window), scenes.traffic(window, [slow]))
+    meets, _, _ = planner(window, scenes.ego(window), scenes.traffic(window, [slow, (95.0, 3.5, -10.0)]))
+    assert free.feasible == 1
+    assert free.terms[MACRO_TERMS.index("oncoming")] > 0
+    assert meets.feasible == 0
+
+
+def test_the_previous_plan_attracts(planner, scenes, params):
+    window = scenes.road(lanes=(1, 2, 3))
+    ego, cars = scenes.ego(window), scenes.traffic(window, [(50.0, 0.0, 3.0)])
+    strong = params.replace(macro=params.macro.replace(weights=params.macro.weights.replace(transition=0.2)))
+    station = jnp.linspace(20.0, 120.0, params.macro.n_layers)
+    for side in (-1, 1):
+        past = remember(station, jnp.full_like(station, 3.5 * side))
+        past = (past, remember(jnp.linspace(20.0, 120.0, 25), jnp.full(25, 3.5 * side)))
+        plan, _, _ = planner(window, ego, cars, strong, previous=past)
+        assert side * plan.offset[np.abs(plan.offset).argmax()] > 2
+
+
+def test_times_are_finite_and_smooth_at_standstill(planner, scenes):
+    window = scenes.road(curvature=0.02)
+    plan, fan, near = planner(window, scenes.ego(window, speed=0.0), scenes.traffic(window, []))
+    assert 0.5 < plan.time[0] < 5
+    assert np.all(np.diff(plan.time) > 0)
+    assert np.all(np.isfinite(fan.time))
+    assert near.feasible == 1
+
+
+def test_curves_are_taken_slowly(planner, scenes):
+    window = scenes.road(curvature=0.04)
+    plan, _, _ = planner(window, scenes.ego(window, speed=5.0), scenes.traffic(window, []))
+    np.testing.assert_allclose(plan.speed.max(), np.sqrt(2.5 / 0.04), rtol=0.02)
+
+
+def test_the_plan_is_read_off_smoothly(planner, scenes):
+    window = scenes.road()
+    plan, _, _ = planner(window, scenes.ego(window, offset=0.4), scenes.traffic(window, [(50.0, 0.0, 3.0)]))
+    station = jnp.linspace(20.0, 200.0, 400)
+    offset, slope, _ = offset_at(plan, station)
+    assert offset[0] == pytest.approx(0.4, abs=1e-5)
+    assert offset[-1] == pytest.approx(float(plan.offset[-1]), abs=1e-5)
+    np.testing.assert_allclose(np.gradient(offset, station)[1:-1], slope[1:-1], atol=0.02)
+    time, speed = profile_at(plan, jnp.concatenate([plan.station, plan.station[-1:] + 14.0]))
+    np.testing.assert_allclose(time[:-1], plan.time, rtol=1e-4)
+    np.testing.assert_allclose(speed[:-1], plan.speed, rtol=1e-4)
+    np.testing.assert_allclose(time[-1], plan.time[-1] + 14 / plan.speed[-1], rtol=1e-4)
