@@ -142,11 +142,11 @@ def project(
     Args: mask [P], points that count (with no segment at all, the first point is the answer and the offset is 0);
     station [m], heading [rad, unwrapped] and curvature [1/m] of the vertices, computed here if not given.
     """
-    g = _segments(points, mask)
+    counts = _segments(points, mask).counts
     station = arc_length(points, mask) if station is None else station
     heading = headings(points, mask) if heading is None else heading
     curvature = curvatures(points, mask) if curvature is None else curvature
-    i = jax.lax.stop_gradient(_nearest(points, query, g.counts))
+    i = jax.lax.stop_gradient(_nearest(points, query, counts))
 
     step = points[i + 1] - points[i]
     along = safe.divide(jnp.vdot(query - points[i], step), jnp.vdot(step, step))
@@ -158,7 +158,8 @@ def project(
 
     lateral = safe.divide(step[0] * miss[1] - step[1] * miss[0], safe.norm(step))
     left = jnp.cos(angle) * miss[1] - jnp.sin(angle) * miss[0] >= 0
-    at_vertex = ((along < 0) & g.has_before[i]) | ((along > 1) & g.has_after[i + 1])
+    index = jnp.arange(counts.shape[0])
+    at_vertex = ((along < 0) & jnp.any(counts & (index < i))) | ((along > 1) & jnp.any(counts & (index > i)))
     return Projection(
         station=_mix(station, i, fraction),
         offset=jnp.where(at_vertex, jnp.where(left, distance, -distance), lateral),
