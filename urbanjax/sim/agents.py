@@ -9,7 +9,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import Lanes, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
 from urbanjax.types import Objects, pytree, static
 from urbanjax.vehicle.following import IDMParams, free_acceleration, interaction
@@ -85,8 +85,8 @@ def bodies_of(traffic: Traffic) -> Bodies:
 
 def wanted_speed(lanes: Lanes, factor: Float[Array, " v"], chain: Chain, params: TrafficParams) -> Float[Array, " v"]:
     """Speed to aim for [m/s]: each driver's `factor` of the limit, capped in curves here and ahead."""
-    limit = lanes.graph.speed_limit[chain.link] * factor[None, :]
-    allowed = curve_speed(lanes.curvature[chain.link], params.lateral_acceleration, limit)
+    limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
+    allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, limit)
     distance = jnp.where(chain.start > -0.5 * FAR, jnp.maximum(chain.start, 0.0), FAR)
     return jnp.min(approach_speed(distance, allowed, params.idm.deceleration), axis=0)
 
@@ -142,12 +142,12 @@ def move(
 
 def _cross(lanes: Lanes, traffic: Traffic, moving: Array, params: TrafficParams) -> Traffic:
     """Hand vehicles that passed the end of their link (or of their other link) to the next one."""
-    length = lanes.graph.length[traffic.link]
-    other_length = lanes.graph.length[traffic.other]
+    length = take(lanes.graph.length, traffic.link)
+    other_length = take(lanes.graph.length, traffic.other)
     follows, goes_on = roads.following(lanes, traffic.link, traffic.route)
     other_follows, other_goes_on = roads.following(lanes, traffic.other, traffic.route)
     past, other_past = traffic.station > length, traffic.other_station > other_length
-    crosses, stays = past & goes_on, past & ~goes_on & lanes.ends[traffic.link]
+    crosses, stays = past & goes_on, past & ~goes_on & take(lanes.ends, traffic.link)
     # In a lane change the other link is the lane being left, which goes on; otherwise it is the link behind.
     shadows = moving & other_past & other_goes_on
     trails = traffic.other_station - 0.5 * traffic.length < other_length + params.tail

@@ -98,20 +98,27 @@ def _table(graph: RoadGraph, n_points: int) -> Array:
     return jnp.stack([x, y, heading, left, to_left, right, to_right], axis=-1)
 
 
+def take(values: Array, index: Array) -> Array:
+    """values[index] for indices in range: without the wrap and the clamp of plain indexing, which add up."""
+    return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
 def at(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"]) -> Float[Array, "n 7"]:
     """Rows of the table at `station` m along `link`, interpolated linearly and held beyond the ends."""
     last = lanes.n_points - 1
-    u = jnp.clip(station / lanes.graph.length[link], 0.0, 1.0) * last
+    u = jnp.clip(station / take(lanes.graph.length, link), 0.0, 1.0) * last
     index = jnp.clip(jnp.floor(u), 0, last - 1).astype(jnp.int32)
     first = link * lanes.n_points + index
     share = (u - index.astype(u.dtype))[:, None]
-    return lanes.table[first] * (1 - share) + lanes.table[first + 1] * share
+    return take(lanes.table, first) * (1 - share) + take(lanes.table, first + 1) * share
 
 
 def following(lanes: Lanes, link: Int[Array, " n"], choice: Int[Array, " n"]) -> tuple[Int[Array, " n"], Array]:
     """Next link of a driver who takes successor number `choice` mod count, and whether there is one."""
-    count = lanes.n_successors[link]
-    return lanes.successor[link, choice % jnp.maximum(count, 1)], count > 0
+    count = take(lanes.n_successors, link)
+    branches = lanes.successor.shape[1]
+    follows = take(lanes.successor.reshape(-1), link * branches + choice % jnp.maximum(count, 1))
+    return follows, count > 0
 
 
 def place(lanes: Lanes, link: Int[Array, " e"], position: Float[Array, "2"]) -> Projection:

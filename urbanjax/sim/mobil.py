@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.agents import Traffic, TrafficParams
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import Lanes, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, Neighbour, ahead, behind, look_ahead, nearest
 from urbanjax.sim.priority import end_distance
 from urbanjax.types import pytree
@@ -55,10 +55,10 @@ def beside(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"], le
     graph, row = lanes.graph, roads.at(lanes, link, station)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
     return Beside(
-        jnp.where(left, graph.left_link, graph.right_link)[link],
+        take(jnp.where(left, graph.left_link, graph.right_link), link),
         jnp.where(left, row[:, roads.LEFT_STATION], row[:, roads.RIGHT_STATION]),
         jnp.where(left, row[:, roads.LEFT_DISTANCE], row[:, roads.RIGHT_DISTANCE]),
-        jnp.where(left, to_left, to_right)[link],
+        take(jnp.where(left, to_left, to_right), link),
     )
 
 
@@ -86,8 +86,8 @@ def decide(
     leaving = jnp.abs(bodies.other_station[:, None] - station[None, :]) - bodies.half[:, None] - half[None, :]
     blocks = seen & (bodies.other[:, None] == link[None, :]) & (leaving < params.min_gap)
     wants = wants & ~jnp.any(blocks, axis=0)
-    room = traffic.station + traffic.speed * params.change_duration < lanes.graph.length[traffic.link]
-    room = room | lanes.ends[traffic.link]
+    room = traffic.station + traffic.speed * params.change_duration < take(lanes.graph.length, traffic.link)
+    room = room | take(lanes.ends, traffic.link)
     starts = wants & room & side.permitted & ~changing & (traffic.moved >= 1)
     return _begin(traffic, side, starts, params), jnp.where(changing, braking, 0.0)
 
@@ -119,16 +119,16 @@ def _wants(
 
     def imposed(who: Neighbour, gap: Array, speed: Array) -> Array:
         """Braking of each vehicle's follower at `gap` behind something at `speed`."""
-        followers = params.idm.replace(time_headway=drivers.headway[who.index])
-        return jnp.where(who.exists, interaction(bodies.speed[who.index], gap, speed, followers), 0.0)
+        followers = params.idm.replace(time_headway=take(drivers.headway, who.index))
+        return jnp.where(who.exists, interaction(take(bodies.speed, who.index), gap, speed, followers), 0.0)
 
     new_imposed = imposed(new_follower, new_follower.gap, traffic.speed)
-    new_before = jnp.where(new_follower.exists, now[new_follower.index], 0.0)
+    new_before = jnp.where(new_follower.exists, take(now, new_follower.index), 0.0)
     old_before = imposed(old_follower, old_follower.gap, traffic.speed)
     opened = jnp.where(front.exists[:v], old_follower.gap + 2 * half + front.gap[:v], FAR)
     old_after = imposed(old_follower, opened, front.speed[:v])
     gain = incentive(own_now - new_braking, new_before - new_imposed, old_before - old_after, traffic.politeness)
-    follower_free = jnp.where(new_follower.exists, drivers.free[new_follower.index], 0.0)
+    follower_free = jnp.where(new_follower.exists, take(drivers.free, new_follower.index), 0.0)
     safe = (follower_free - new_imposed > -params.safe_deceleration) & (
         drivers.free[:v] - new_braking > -params.safe_deceleration
     )

@@ -10,7 +10,7 @@ from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import Lanes, take
 from urbanjax.types import pytree
 
 FAR = 1e6  # m, "nobody there": finite, so that masked arithmetic stays finite
@@ -58,7 +58,7 @@ def look_ahead(
     links, starts = [link], [jnp.where(exists, -station, -FAR)]
     for _ in range(n_links - 1):
         follows, goes_on = roads.following(lanes, links[-1], choice)
-        starts.append(jnp.where(goes_on, starts[-1] + lanes.graph.length[links[-1]], -FAR))
+        starts.append(jnp.where(goes_on, starts[-1] + take(lanes.graph.length, links[-1]), -FAR))
         links.append(follows)
     return Chain(jnp.stack(links), jnp.stack(starts))
 

@@ -12,7 +12,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import Lanes, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain
 from urbanjax.types import Signals, SignalState
 from urbanjax.vehicle.limits import stopping_distance
@@ -41,7 +41,7 @@ def red_distance(
     for m in range(min(2, chain.link.shape[0])):
         link, start = chain.link[m], chain.start[m] - front
         is_link = start > -0.5 * FAR
-        to_red, to_yellow = red[link] + start, yellow[link] + start
+        to_red, to_yellow = take(red, link) + start, take(yellow, link) + start
         found = jnp.where(is_link & (to_red > -1), jnp.minimum(found, to_red), found)
         can_stop = speed * speed < 2 * deceleration * to_yellow
         found = jnp.where(is_link & can_stop, jnp.minimum(found, to_yellow), found)
@@ -50,8 +50,8 @@ def red_distance(
 
 def end_distance(lanes: Lanes, chain: Chain, front: Float[Array, " n"]) -> Float[Array, " n"]:
     """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not."""
-    to_end = chain.start + lanes.graph.length[chain.link]
-    ends = lanes.ends[chain.link] & (chain.start > -0.5 * FAR)
+    to_end = chain.start + take(lanes.graph.length, chain.link)
+    ends = take(lanes.ends, chain.link) & (chain.start > -0.5 * FAR)
     return jnp.min(jnp.where(ends, to_end, FAR), axis=0) - front
 
 
@@ -78,7 +78,7 @@ def yield_distance(
     inside_other = jnp.where(bodies.other_station > -0.5 * FAR, GONE, FAR)
     nobody = jnp.full(lanes.graph.length.shape, FAR, distance.dtype)
     entered = nobody.at[there].min(claim).at[here].min(inside).at[bodies.other].min(inside_other)
-    crossing = jnp.min(jnp.where(lanes.has_rival[there], entered[lanes.rival[there]], FAR), axis=-1)
+    crossing = jnp.min(jnp.where(take(lanes.has_rival, there), take(entered, take(lanes.rival, there)), FAR), axis=-1)
     rival = jnp.minimum(crossing, _merging(lanes.graph, here, there, nobody, claim))
     watched = distance < conflict_range + stopping_distance(bodies.speed, deceleration)
     return jnp.where((rival < claim) & (claim > 0.5 * GONE) & watched, distance, FAR)
@@ -94,8 +94,8 @@ def _claim(
     deceleration: float | Array,
 ) -> Array:
     """Time at which each driver claims its next link [s]: entering, plus `patience` per rank below priority."""
-    turn = graph.turn[there]
-    rank = (graph.rule[here] != Rule.NONE) * 1.0 + ((turn == Turn.LEFT) | (turn == Turn.U_TURN)) * 1.0
+    turn = take(graph.turn, there)
+    rank = (take(graph.rule, here) != Rule.NONE) * 1.0 + ((turn == Turn.LEFT) | (turn == Turn.U_TURN)) * 1.0
     # The link number breaks ties of drivers who come symmetrically.
     claim = distance / jnp.maximum(speed, 1.0) + patience * rank + 1e-3 * here
     committed = stopping_distance(speed, 1.5 * deceleration) > jnp.maximum(distance, 0.1)
@@ -105,7 +105,7 @@ def _claim(
 def _merging(graph: RoadGraph, here: Array, there: Array, nobody: Array, claim: Array) -> Array:
     """Earliest claim [s] on `there` from another link than `here`; inside a junction that was settled before it."""
     approach = nobody.at[here].min(claim)
-    before = graph.predecessor[there]
-    others = graph.has_predecessor[there] & (before != here[:, None])
-    rival = jnp.min(jnp.where(others, approach[before], FAR), axis=-1)
-    return jnp.where(graph.road_type[here] == RoadType.JUNCTION, FAR, rival)
+    before = take(graph.predecessor, there)
+    others = take(graph.has_predecessor, there) & (before != here[:, None])
+    rival = jnp.min(jnp.where(others, take(approach, before), FAR), axis=-1)
+    return jnp.where(take(graph.road_type, here) == RoadType.JUNCTION, FAR, rival)

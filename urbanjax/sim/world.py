@@ -10,7 +10,7 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import agents, mobil, priority, reaction, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import Lanes
-from urbanjax.sim.neighbours import FAR, Bodies, Chain, look_ahead
+from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.signals import SignalProgram
 from urbanjax.types import Command, Objects, Observation, Odometry, VehicleState, pytree, static
@@ -60,24 +60,24 @@ def step(
     (IDM) and motion. Differentiable with respect to the ego's state and command; who leads whom, lane changes and
     signals are hard choices. The relaxation is that of the traffic's reaction to the ego.
     """
-    traffic, chain, seen, ego_link, held = _decide(params, lanes, world)
+    traffic, seen, ego_link, held = _decide(params, lanes, world)
     small = dt / params.substeps
 
     def substep(carry: tuple, _: None) -> tuple[tuple, None]:
-        ego, traffic, chain, seen, travelled = carry
+        ego, traffic, seen, travelled = carry
+        chain = agents.chain_of(lanes, traffic, params.traffic)
         to_ego = reaction.braking(seen, traffic, chain, params.traffic, params.reaction, relaxation)
         to_stop = agents.stop_braking(traffic, held.distance - travelled, params.traffic)
         strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
         wanted = agents.follow(lanes, traffic, chain, strongest, params.traffic)
         before = traffic.speed
         traffic = agents.move(lanes, traffic, wanted, params.traffic, small)
-        chain = agents.chain_of(lanes, traffic, params.traffic)
         ego = bicycle_step(ego, command, params.vehicle, small)
         travelled = travelled + 0.5 * (before + traffic.speed) * small
-        return (ego, traffic, chain, reaction.advance(seen, small), travelled), None
+        return (ego, traffic, reaction.advance(seen, small), travelled), None
 
-    start = (world.ego, traffic, chain, seen, jnp.zeros_like(traffic.speed))
-    (ego, traffic, *_), _ = jax.lax.scan(substep, start, None, length=params.substeps, unroll=True)
+    start = (world.ego, traffic, seen, jnp.zeros_like(traffic.speed))
+    (ego, traffic, *_), _ = jax.lax.scan(substep, start, None, length=params.substeps, unroll=1)
     return world.replace(ego=ego, ego_link=ego_link, traffic=traffic, time=world.time + dt, count=world.count + 1)
 
 
@@ -89,26 +89,29 @@ class Held:
     braking: Array  # [V] m/s^2, towards the leader in a lane being left
 
 
-def _decide(params: SimParams, lanes: Lanes, world: WorldState) -> tuple[Traffic, Chain, Presence, Array, Held]:
-    """The choices of one policy step: traffic with begun changes, its chains, the ego's presence and link."""
+def _decide(params: SimParams, lanes: Lanes, world: WorldState) -> tuple[Traffic, Presence, Array, Held]:
+    """The choices of one policy step: traffic with begun changes, the ego's presence and its link."""
     p, traffic, ego = params.traffic, world.traffic, world.ego
     ego_link = reaction.own_link(lanes, world.ego_link, box_centre(ego, params.vehicle), ego.heading)
     seen = reaction.presence(lanes, ego_link, ego, params.vehicle, params.reaction)
     drivers = _drivers(lanes, traffic, seen, p)
-    held, chain = _holds(lanes, world, drivers, p), agents.chain_of(lanes, traffic, p)
+    held = _holds(lanes, world, drivers, p)
     if params.lane_changes:
         left = world.count % 2 == 0
         traffic, held_braking = mobil.decide(lanes, traffic, drivers, left, p)
-        chain = agents.chain_of(lanes, traffic, p)
     else:
         held_braking = jnp.zeros_like(traffic.speed)
-    return traffic, chain, seen, ego_link, Held(held, held_braking)
+    return traffic, seen, ego_link, Held(held, held_braking)
 
 
 def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
-    """Traffic and, last, the ego: it follows the first successor and drives like the default driver."""
+    """Traffic and, last, the ego: it follows the first successor and drives like the default driver.
+
+    An ego that is outside its own lane (off the road, or on the oncoming side) has no say here.
+    """
+    present = seen.reach[reaction.BASE] > 0
     side = jnp.where(seen.reach[reaction.LEFT] > seen.reach[reaction.RIGHT], reaction.LEFT, reaction.RIGHT)
-    intrudes = seen.exists[side] & (seen.reach[side] > 0)
+    intrudes = present & seen.exists[side] & (seen.reach[side] > 0)
     other_station = jnp.where(intrudes, seen.station[side], -FAR)
 
     def join(array: Array, ego: Array | float | int) -> Array:
@@ -117,13 +120,13 @@ def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficPara
     them = agents.bodies_of(traffic)
     bodies = Bodies(
         join(them.link, seen.link[0]),
-        join(them.station, seen.station[0]),
+        join(them.station, jnp.where(present, seen.station[0], -FAR)),
         join(them.other, seen.link[side]),
         join(them.other_station, other_station),
         join(them.half, 0.5 * seen.length),
         join(them.speed, jnp.maximum(seen.speed[0], 0.0)),
     )
-    route, exists = join(traffic.route, 0), join(traffic.valid, True)
+    route, exists = join(traffic.route, 0), join(traffic.valid, present)
     chain = look_ahead(lanes, bodies.link, bodies.station, route, exists, params.n_links)
     headway = join(traffic.headway, params.idm.time_headway)
     factor = join(traffic.desired_speed, 1.0)
