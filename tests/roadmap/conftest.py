@@ -1,9 +1,13 @@
 """Road graphs that the tests of this room share."""
 
+import jax
 import numpy as np
 import pytest
 
 from urbanjax.roadmap import builders
+from urbanjax.roadmap.extended import ExtendParams, extend, progress, sample, sized, to_world, window
+from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.route import RouteParams, route_between
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +23,7 @@ def crossing():
 @pytest.fixture(scope="session")
 def road():
     """Two sections of three lanes."""
-    return builders.straight(n_lanes=3, length=200.0, section=100.0, n_points=8)
+    return builders.straight(n_lanes=3, length=200.0, section=100.0, n_points=16)
 
 
 @pytest.fixture(scope="session")
@@ -27,10 +31,10 @@ def graphs(district, crossing, road):
     """One graph of each kind."""
     return {
         "straight": road,
-        "two_way": builders.two_way(length=200.0, n_points=8),
-        "coinciding": builders.two_way(length=200.0, coinciding=True, n_points=8),
+        "two_way": builders.two_way(length=200.0, n_points=16),
+        "coinciding": builders.two_way(length=200.0, coinciding=True, n_points=16),
         "curve": builders.curve(radius=40.0, n_points=16),
-        "merge": builders.merge(n_points=16),
+        "merge": builders.merge(before=80.0, parallel=60.0, after=80.0, ramp=60.0, n_points=16),
         "crossing": crossing,
         "district": district,
     }
@@ -44,3 +48,53 @@ def course_links(district):
     while (following := int(successor[links[-1], 0])) != 0:
         links.append(following)
     return links
+
+
+@pytest.fixture(scope="session")
+def extend_along():
+    """The extended graph (256 stations) along the route between two links of a small graph.
+
+    All graphs get one shape and drop what is static, so that `extend` is compiled once for them all.
+    """
+    compiled = jax.jit(extend)
+
+    def along(graph, start, goal):
+        alike = pad(graph, n_links=32, n_successors=3, n_relations=8).replace(area_names=("",), n_signals=0)
+        route = route_between(alike, start, goal, params=RouteParams(n_links=16))
+        return compiled(alike, route, ExtendParams(n_stations=256, n_stops=4))
+
+    return along
+
+
+@pytest.fixture(scope="session")
+def extend_district(district):
+    """The extended graph (5632 stations) along a route through the district."""
+    compiled = jax.jit(extend)
+    return lambda route: compiled(district, route, sized(district, route, ExtendParams()).replace(n_stations=5632))
+
+
+@pytest.fixture(scope="session")
+def extended_course(district, course_links, extend_district):
+    """One lap of the district's leftmost lane."""
+    return extend_district(route_between(district, 0, course_links[-1]))
+
+
+@pytest.fixture(scope="session")
+def window_jit():
+    return jax.jit(window)
+
+
+@pytest.fixture(scope="session")
+def progress_jit():
+    """Progress of many poses."""
+    return jax.jit(jax.vmap(progress, (None, 0, 0)))
+
+
+@pytest.fixture(scope="session")
+def sample_jit():
+    return jax.jit(sample)
+
+
+@pytest.fixture(scope="session")
+def to_world_jit():
+    return jax.jit(to_world)

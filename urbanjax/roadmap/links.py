@@ -31,6 +31,16 @@ class Foot:
     width: Array  # [*q] m, of the link there
 
 
+@pytree
+class Projected:
+    """Nearest places on links."""
+
+    station: Array  # [*q] m
+    offset: Array  # [*q] m, lateral, left positive
+    heading: Array  # [*q] rad, of the link there
+    distance: Array  # [*q] m, more than |offset| beyond the ends
+
+
 def sample(graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"]) -> LinkPoint:
     """The centre line of each link at each station [m]; beyond its ends a link goes straight on.
 
@@ -96,6 +106,32 @@ def foot(
         return Foot(station, jnp.sum(away * normal, axis=-1), point.heading, point.width)
 
     return lax.fori_loop(0, iterations, improve, Foot(guess, guess, guess, guess))
+
+
+def project(
+    graph: RoadGraph,
+    link: Int[Array, "*q"],
+    guess: Float[Array, "*q"],
+    position: Float[Array, "*q 2"],
+    iterations: int = 4,
+) -> Projected:
+    """The nearest place to each position [m] on each link, by Newton's method from the station `guess` [m].
+
+    The station stays within the ends of the link; differentiable in the position.
+    """
+    nodes = _nodes(graph)
+
+    def improve(_: Any, now: tuple[Array, Projected]) -> tuple[Array, Projected]:
+        station, _ = now
+        point = _sample(nodes, graph.length, link, station)
+        cos, sin = jnp.cos(point.heading), jnp.sin(point.heading)
+        x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
+        along, aside = cos * x + sin * y, cos * y - sin * x
+        found = Projected(station, aside, point.heading, safe.sqrt(along**2 + aside**2))
+        step = along / jnp.maximum(1 - point.curvature * aside, 0.2)
+        return jnp.clip(station + step, 0, graph.length[link]), found
+
+    return lax.fori_loop(0, iterations, improve, (guess, Projected(guess, guess, guess, guess)))[1]
 
 
 def beside(

@@ -1,0 +1,128 @@
+"""Which lane a pose is on: the only place that finds a lane."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from urbanjax.numerics import safe
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.links import project
+from urbanjax.types import pytree, static
+
+FAR = 1e6  # m, the distance of a link that does not count
+
+
+@pytree
+class LocateParams:
+    """What counts against a lane, as metres added to its distance, and how far one is looked for."""
+
+    max_distance: float = 5.0  # m from the centre line, beyond which a pose is on no lane
+    heading_gate: float = 1.05  # rad, heading error beyond which a lane is taken only if no other is near
+    heading_penalty: float = 20.0  # m, for a lane beyond the gate
+    heading_weight: float = 1.0  # m per squared rad, tells apart the lanes of a fork
+    connectivity_penalty: float = 3.0  # m, for a lane not connected to the previous one
+    hysteresis: float = 0.5  # m, for a lane other than the previous one and its successors
+    candidates: int = static(default=6)  # k, lanes looked at closely
+    chords: int = static(default=4)  # per link, for the coarse search
+
+
+@pytree
+class Location:
+    """Poses related to the lanes that they are on."""
+
+    link: Array  # [N] int32
+    station: Array  # [N] m along the link, within its ends
+    offset: Array  # [N] m from the centre line, left positive
+    heading_error: Array  # [N] rad in [-pi, pi), of the pose against the lane
+    distance: Array  # [N] m from the centre line (more than |offset| beyond the ends of the link)
+    valid: Array  # [N] bool
+
+
+def locate(
+    graph: RoadGraph,
+    position: Float[Array, "n 2"],
+    heading: Float[Array, "n"],
+    previous: Location | None = None,
+    params: LocateParams | None = None,
+) -> Location:
+    """The lane of each pose (corrects the nearest link of Eq. 26, which flips at crossings).
+
+    Nearest centre line, with a heading gate; with `previous` (of the same poses a step earlier), lanes connected to the
+    previous one are preferred, and that one itself is kept until another is clearly nearer. A hard choice: `link` is
+    not differentiable and jumps between lanes; station, offset and heading error are differentiable in the pose on
+    the chosen lane. Coarse to fine: distance to a few chords of every link, then exact projection on the best k.
+    """
+    params = LocateParams() if params is None else params
+    penalty = _penalty(graph, previous, params, position)
+    rough = _coarse(graph, position, heading, params) + penalty
+    links = jax.lax.top_k(-rough, min(params.candidates, rough.shape[1]))[1]
+    station, distance, angle = jax.lax.stop_gradient(_nearest(graph, links, position))
+    cost = distance + _heading_cost(safe.wrap_angle(heading[:, None] - angle), params)
+    cost = cost + jnp.take_along_axis(penalty, links, axis=1)
+    best = jnp.argmin(jnp.where(graph.valid[links], cost, FAR), axis=1)[:, None]
+    link, guess = (jnp.take_along_axis(x, best, axis=1)[:, 0] for x in (links, station))
+    at = project(graph, link, guess, position)
+    valid = graph.valid[link] & (at.distance < params.max_distance)
+    return Location(link, at.station, at.offset, safe.wrap_angle(heading - at.heading), at.distance, valid)
+
+
+def _heading_cost(error: Array, params: LocateParams) -> Array:
+    return jnp.where(jnp.abs(error) > params.heading_gate, params.heading_penalty, 0) + params.heading_weight * error**2
+
+
+def _penalty(graph: RoadGraph, previous: Location | None, params: LocateParams, position: Array) -> Float[Array, "n l"]:
+    """What continuity adds [m] to the distance of each link."""
+    n_links = graph.length.shape[0]
+    if previous is None:
+        return jnp.zeros((position.shape[0], n_links), position.dtype)
+    each = jnp.arange(n_links)[None, :]
+    link = previous.link
+
+    def among(table: Array, mask: Array) -> Bool[Array, "n l"]:
+        """Whether each link is in the row [N, m] of the table."""
+        return jnp.any((table[:, :, None] == each[:, None, :]) & mask[:, :, None], axis=1)
+
+    ahead = among(graph.successor[link], graph.has_successor[link]) | (each == link[:, None])
+    sides = jnp.stack([graph.left_link[link], graph.right_link[link]], axis=1)
+    has = jnp.stack([graph.has_left[link], graph.has_right[link]], axis=1)
+    beyond = graph.successor[sides].reshape(len(link), -1)
+    has_beyond = (graph.has_successor[sides] & has[:, :, None]).reshape(len(link), -1)
+    connected = ahead | among(sides, has) | among(beyond, has_beyond)
+    cost = jnp.where(connected, 0, params.connectivity_penalty) + jnp.where(ahead, 0, params.hysteresis)
+    return jnp.where(previous.valid[:, None], cost, 0).astype(position.dtype)
+
+
+def _coarse(graph: RoadGraph, position: Array, heading: Array, params: LocateParams) -> Float[Array, "n l"]:
+    """Distance [m] to the chords of each link, with the heading's cost; large for links that do not count."""
+    last = graph.centre.shape[1] - 1
+    corner = graph.centre[:, jnp.array([round(last * k / params.chords) for k in range(params.chords + 1)])]
+    start, chord = corner[:, :-1], corner[:, 1:] - corner[:, :-1]
+    size = jnp.maximum(jnp.sum(chord * chord, axis=-1), 1e-6)[None]
+    direction = chord / jnp.sqrt(size[0])[..., None]
+    cos = (
+        jnp.cos(heading)[:, None, None] * direction[None, ..., 0]
+        + jnp.sin(heading)[:, None, None] * direction[None, ..., 1]
+    )
+    x, y = (position[:, None, None, i] - start[None, ..., i] for i in range(2))
+    dx, dy = chord[None, ..., 0], chord[None, ..., 1]
+    t = jnp.clip((x * dx + y * dy) / size, 0, 1)
+    distance = jnp.sqrt((x - t * dx) ** 2 + (y - t * dy) ** 2)
+    against = jnp.where(cos < jnp.cos(params.heading_gate), params.heading_penalty, 0)
+    cost = jnp.min(distance + against + 2 * params.heading_weight * (1 - cos), axis=-1)
+    return jax.lax.stop_gradient(jnp.where(graph.valid[None], cost, FAR))
+
+
+def _nearest(graph: RoadGraph, links: Int[Array, "n k"], position: Array) -> tuple[Array, Array, Array]:
+    """Station [m], distance [m] and heading [rad] of the nearest place on the polyline of each link, [N, k]."""
+    line = graph.centre[links]
+    a, d = line[:, :, :-1], line[:, :, 1:] - line[:, :, :-1]
+    r = position[:, None, None] - a
+    t = jnp.clip(jnp.sum(r * d, axis=-1) / jnp.maximum(jnp.sum(d * d, axis=-1), 1e-6), 0, 1)
+    square = jnp.sum((r - t[..., None] * d) ** 2, axis=-1)
+    i = jnp.argmin(square, axis=-1)[..., None]
+    t, square = (jnp.take_along_axis(x, i, axis=-1)[..., 0] for x in (t, square))
+    place = i[..., 0] + t
+    k = i[..., 0]
+    heading = graph.heading[links, k] * (1 - t) + graph.heading[links, k + 1] * t
+    return place * graph.length[links] / (line.shape[2] - 1), jnp.sqrt(square), heading
