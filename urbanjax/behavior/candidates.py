@@ -36,7 +36,7 @@ def connect(
     Args: station [K] m, the shared grid, from the vehicle on; lane [K] m, offset of the lane's centre on it.
     """
     length = jnp.maximum(params.duration * state.speed, params.min_length)
-    lane_slope = jnp.gradient(lane, station[1] - station[0])
+    lane_slope = jnp.asarray(jnp.gradient(lane, station[1] - station[0]))
     slope = jnp.tan(jnp.clip(start.heading_error, -1.0, 1.0)) - lane_slope[0]
     zero = jnp.zeros_like(slope)
     blend = polynomial.quintic((start.offset - lane[0], slope, zero), (zero, zero, zero), length)

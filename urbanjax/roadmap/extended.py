@@ -164,9 +164,9 @@ def _lanes(graph: RoadGraph, path: Walk, row: Row, lanes: int) -> CrossSection:
     link, following, change = path.link[row.entry], path.following[row.entry], path.change[row.entry]
     other = jnp.where(change, following, link)
     station = jnp.where(change, row.following_station, row.station)
-    both = [jnp.concatenate(pair) for pair in ((link, other), (row.station, station))]
-    twice = [jnp.concatenate([x, x]) for x in (row.position, row.heading)]
-    across = cross_section(graph, *both, *twice, lanes)
+    pairs = ((link, other), (row.station, station), (row.position, row.position), (row.heading, row.heading))
+    links, stations, positions, headings = (jnp.concatenate(pair) for pair in pairs)
+    across = cross_section(graph, links, stations, positions, headings, lanes)
     a, b = (jax.tree.map(lambda x, i=i: jnp.split(x, 2)[i], across) for i in range(2))
     w = row.weight[:, None]
     early, late = w < 0.15, w > 0.85
