@@ -41,17 +41,17 @@ STORED = {"f": np.float64, "i": np.int32, "b": np.bool_}
 def save(path: str | os.PathLike[str], graph: RoadGraph) -> None:
     """Writes the graph as npz, whole or not at all. Raises FileError where the file cannot be written."""
     path = Path(path)
-    arrays = {name: np.asarray(getattr(graph, name)) for name in LAYOUT}
+    arrays: dict[str, Any] = {n: np.asarray(getattr(graph, n), STORED[kind]) for n, (kind, _) in LAYOUT.items()}
     header = {
         "format": FORMAT,
         "version": VERSION,
-        "sizes": dict(
-            zip(
-                "LPSXY",
-                (*graph.centre.shape[:2], *(_width(graph, n) for n in ("successor", "opposite", "signal"))),
-                strict=True,
-            )
-        ),
+        "sizes": {
+            "L": graph.centre.shape[0],
+            "P": graph.centre.shape[1],
+            "S": graph.successor.shape[1],
+            "X": graph.opposite.shape[1],
+            "Y": graph.signal.shape[1],
+        },
         "origin": list(graph.origin),
         "area_names": list(graph.area_names),
         "n_signals": graph.n_signals,
@@ -60,7 +60,7 @@ def save(path: str | os.PathLike[str], graph: RoadGraph) -> None:
     part = path.with_name(path.name + ".part")
     try:
         with part.open("wb") as file:
-            np.savez_compressed(file, header=text, **{n: a.astype(STORED[LAYOUT[n][0]]) for n, a in arrays.items()})
+            np.savez_compressed(file, header=text, **arrays)
         part.replace(path)
     except OSError as error:
         raise FileError(f"{path}: cannot be written ({error.strerror})") from error
@@ -93,10 +93,6 @@ def load(path: str | os.PathLike[str]) -> RoadGraph:
         area_names=tuple(header["area_names"]),
         n_signals=header["n_signals"],
     )
-
-
-def _width(graph: RoadGraph, name: str) -> int:
-    return getattr(graph, name).shape[1]
 
 
 def _header(path: Path, archive: zipfile.ZipFile) -> dict[str, Any]:
