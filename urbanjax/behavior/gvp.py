@@ -49,6 +49,7 @@ def following_speed(
     """
     gap = surroundings.station - surroundings.half_length - front
     ahead = soft.above(lead, -0.5, relaxation, scale=1.0)
+    speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (speed, cap))
     each = constant_headway_speed(speed, gap, surroundings.speed, cap, headway)
     relevant = soft.both(occupancy, ahead)
     return soft.minimum(cap - relevant * (cap - each), relaxation, scale=0.5, fill=1e3, mask=surroundings.valid)

@@ -104,7 +104,7 @@ def _follow(graph: RoadGraph, link: Array, branch: Array, hops: int) -> Chain:
     def hop(carry: tuple[Array, ...], _: None) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
         here, end, ways = carry
         has = graph.has_successor[here]
-        count = jnp.sum(has, axis=1)
+        count = jnp.sum(has, axis=1, dtype=here.dtype)
         fork = (count > 1) & (ways == 1)
         way = jnp.where(fork, jnp.minimum(branch, count - 1), 0)
         picked = has & (jnp.cumsum(has, axis=1) - 1 == way[:, None])

@@ -1,0 +1,79 @@
+"""The gradient of a closed loop to every continuous parameter of the stack, against central differences."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.scenes import loop_params, oncoming_scene, overtake_scene
+from urbanjax.sim import scores
+from urbanjax.sim.rollout import rollout
+from urbanjax.types import as_arrays
+
+N_STEPS = 20
+TEMPERATURE = 0.3
+STEP = 1e-5  # relative to the parameter's size, at least 1e-5
+
+
+def paths_of(tree) -> list[str]:
+    return [
+        jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in jax.tree_util.tree_leaves_with_path(tree)
+    ]
+
+
+def score_of(stack_params, params, course, lanes, start):
+    params = params.replace(stack=stack_params)
+    log, _ = rollout(params, course, lanes, start, N_STEPS)
+    return scores.score(log, params.sim.vehicle, scores.ScoreParams(), params.stack.relaxation)
+
+
+@pytest.fixture(scope="module")
+def differentiated():
+    """Parameter names, the gradient and central differences in each scene; shape [scenes, parameters]."""
+    with jax.enable_x64(True):
+        params = as_arrays(loop_params("soft", TEMPERATURE))
+        leaves, structure = jax.tree.flatten(params.stack)
+        sizes = np.array([float(leaf) for leaf in leaves])
+        steps = STEP * np.maximum(np.abs(sizes), 1.0)
+
+        def along(vector, course, lanes, start):
+            stack = jax.tree.unflatten(structure, list(vector))
+            return score_of(stack, params, course, lanes, start)
+
+        gradient_of = jax.jit(jax.grad(along))
+        both_sides = jax.jit(jax.vmap(along, in_axes=(0, None, None, None)))
+        gradients, differences = [], []
+        for course, lanes, start in (
+            jax.tree.map(lambda x: x, overtake_scene(params, 1, seed=2)),
+            oncoming_scene(params),
+        ):
+            start = jax.tree.map(lambda x: x[0], start) if start.ego.speed.ndim else start
+            start = as_arrays(start)
+            course, lanes = as_arrays(course), as_arrays(lanes)
+            gradients.append(np.asarray(gradient_of(jnp.asarray(sizes), course, lanes, start)))
+            moved = np.concatenate([sizes + np.diag(steps), sizes - np.diag(steps)])
+            values = np.asarray(both_sides(jnp.asarray(moved), course, lanes, start))
+            plus, minus = values[: len(sizes)], values[len(sizes) :]
+            differences.append((plus - minus) / (2 * steps))
+        return paths_of(params.stack), np.array(gradients), np.array(differences)
+
+
+def test_gradient_is_finite(differentiated):
+    names, gradient, _ = differentiated
+    assert np.isfinite(gradient).all(), [n for n, g in zip(names, gradient.T, strict=True) if not np.isfinite(g).all()]
+
+
+def test_gradient_matches_central_differences(differentiated):
+    names, gradient, difference = differentiated
+    scale = np.maximum(np.abs(difference), 1e-4)
+    error = np.max(np.abs(gradient - difference) / scale, axis=0)
+    assert error.max() < 1e-3, sorted(zip(error, names, strict=True), reverse=True)[:10]
+
+
+def test_the_score_depends_on_what_tuning_would_tune(differentiated):
+    names, gradient, _ = differentiated
+    strongest = dict(zip(names, np.abs(gradient).max(axis=0), strict=True))
+    wanted = [n for n in names if "weights." in n and not n.endswith(("tolerance", "scale"))]
+    wanted += ["behavior.gvp.tau", "behavior.headway.time_headway", "control.lateral.gain", "control.lateral.minimum"]
+    silent = [name for name in wanted if not strongest[name] > 1e-12]
+    assert not silent, silent
