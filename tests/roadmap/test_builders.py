@@ -6,6 +6,7 @@ import pytest
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.builders import LaneSpec, assemble
 from urbanjax.roadmap.builders.curves import connect, trace, turn
+from urbanjax.roadmap.padding import pad
 from urbanjax.types import RoadError
 
 KINDS = ("straight", "two_way", "coinciding", "curve", "merge", "crossing", "district")
@@ -199,6 +200,16 @@ def test_padding_is_invalid_and_finite():
     assert padded.n_signals == 5
     np.testing.assert_allclose(padded.centre[2], graph.centre[0])
     assert not np.any(padded.has_successor)
+
+
+def test_padded_graph_keeps_its_links(crossing):
+    more = pad(crossing, n_links=40, n_relations=9)
+    n = len(crossing.length)
+    assert more.conflict.shape == (40, 9)
+    np.testing.assert_array_equal(more.centre[:n], crossing.centre)
+    assert pairs(more.conflict, more.has_conflict) == pairs(crossing.conflict, crossing.has_conflict)
+    with pytest.raises(RoadError, match="n_links is 3"):
+        pad(crossing, n_links=3)
 
 
 def test_far_coordinates_get_an_origin():

@@ -16,6 +16,7 @@ from urbanjax.roadmap.extended import (
 )
 from urbanjax.roadmap.graph import Turn
 from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.types import RoadError
 
 FEW = RouteParams(n_links=8)
 
@@ -259,6 +260,11 @@ def test_sized_makes_room_for_the_route(district, course_links):
     assert params.n_stations % 512 == 0
     assert params.n_stations > 5212 + 300
     assert params.n_stops >= 8
+
+
+def test_even_number_of_lanes_across_is_refused(road):
+    with pytest.raises(RoadError, match="lanes must be odd"):
+        extend(road, route_between(road, 2, 3, params=FEW), ExtendParams(lanes=4))
 
 
 def test_window_is_batchable(bend, window_jit):

@@ -219,6 +219,12 @@ def test_impossible_routes_name_their_links(road, arguments, message):
         route_between(road, *arguments, params=RouteParams(n_links=8))
 
 
+def test_negative_penalty_is_refused_and_harmless_inside_jit(road):
+    with pytest.raises(RouteError, match="penalties are"):
+        route_between(road, 0, 5, params=RouteParams(change_length=-1.0, n_links=8))
+    assert np.all(np.isfinite(cost_to_go_jit(road, 5, RouteParams(change_length=-1.0))))
+
+
 def test_too_long_route_says_so(district, course_links):
     with pytest.raises(RouteError, match="raise n_links"):
         route_between(district, 0, course_links[-1], params=RouteParams(n_links=8))

@@ -12,7 +12,7 @@ from urbanjax.roadmap.across import CrossSection, cross_section
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.reference import Row, Walk, rows, unwrapped, walk
 from urbanjax.roadmap.route import Route
-from urbanjax.types import pytree, static
+from urbanjax.types import RoadError, pytree, static
 
 AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
 
@@ -101,8 +101,11 @@ class Progress:
 def extend(graph: RoadGraph, route: Route, params: ExtendParams) -> ExtendedGraph:
     """The extended graph along a route (IV-C.3); pure, of static size.
 
-    Beyond the end of the route, and beyond N stations, the reference line goes straight on and `valid` is false.
+    Beyond the end of the route the reference line goes straight on and `valid` is false. A route of more than N
+    stations is cut off there, while `length` is still its own. Raises RoadError on impossible sizes.
     """
+    if params.lanes % 2 == 0 or params.n_stations < 2 or not params.spacing > 0:
+        raise RoadError(f"lanes must be odd, n_stations 2 or more and spacing positive, not {params}")
     path = walk(graph, route)
     grid = params.spacing * jnp.arange(params.n_stations, dtype=graph.length.dtype)
 

@@ -91,8 +91,8 @@ def plan_route(
 
     It visits the links `via` in order, then the goal; with more than one lap this circuit is driven `laps` times. Each
     leg moves on by at least one link, but for a plain route whose start is its goal, which has that one link. Legs are
-    optimal one by one. Failure is in `status`: UNREACHABLE, or TOO_LONG for the R links of `params`; what was found
-    until then is kept.
+    optimal one by one; of lane changes at equal cost the latest is taken, but for rounding. Failure is in `status`:
+    UNREACHABLE, or TOO_LONG for the R links of `params`; what was found until then is kept.
     """
     params = RouteParams() if params is None else params
     weight = link_costs(graph, params)
@@ -119,6 +119,8 @@ def route_between(
         raise RouteError(f"laps is {laps}: use 1 or more")
     if params.cost not in COSTS or params.search not in SEARCHES:
         raise RouteError(f"cost {params.cost!r} or search {params.search!r} is unknown: use one of {COSTS}, {SEARCHES}")
+    if not (params.change_length >= 0 and params.change_time >= 0):
+        raise RouteError(f"lane-change penalties are {params.change_length} m, {params.change_time} s: use 0 or more")
     route = _plan_jit(graph, start, goal, via, laps, params)
     status = RouteStatus(int(route.status))
     if status == RouteStatus.UNREACHABLE:
@@ -137,7 +139,8 @@ _plan_jit = jax.jit(plan_route, static_argnames="laps")
 def _moves(graph: RoadGraph, params: RouteParams, changes: bool) -> _Moves:
     weight = link_costs(graph, params)
     penalty = params.change_length if params.cost == "length" else params.change_time
-    penalty = jnp.asarray(0.0 if params.search == "lexicographic" else penalty, weight.dtype)
+    # A negative penalty would make the relaxation run for ever.
+    penalty = jnp.maximum(jnp.asarray(0.0 if params.search == "lexicographic" else penalty, weight.dtype), 0)
     s = graph.successor.shape[1]
     sides = [
         (graph.left_link, graph.has_left & graph.left_change),
