@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jax import Array
 
+from urbanjax.geometry.polyline import Projection
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import agents, reaction
@@ -11,6 +12,8 @@ from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.world import HARD, SimParams, WorldState
 from urbanjax.types import Command, Objects, VehicleState, pytree
 from urbanjax.vehicle.model import box_centre
+
+EDGE = 0.2  # m, natural scale of the choice of edge and corner for the relaxation
 
 
 @pytree
@@ -28,23 +31,16 @@ class Log:
 
 
 def record(params: SimParams, lanes: Lanes, world: WorldState, command: Command, relaxation: Relaxation = HARD) -> Log:
-    """The world now, and the command given in it.
-
-    The road is the lane the ego is on, its neighbours and those in the opposite direction; corners are measured in the
-    straight frame at the box centre.
-    """
-    ego, vehicle, graph = world.ego, params.vehicle, lanes.graph
+    """The world now, and the command given in it. The relaxation is that of `road_margin`."""
+    ego, vehicle = world.ego, params.vehicle
     centre = box_centre(ego, vehicle)
     link = reaction.own_link(lanes, world.ego_link, centre, ego.heading)
-    links, exists = reaction.around(graph, link)
+    links, exists = reaction.around(lanes.graph, link)
     place = roads.place(lanes, links, centre)
     error = ego.heading - place.heading
-    ahead, aside = 0.5 * vehicle.length * jnp.sin(error), 0.5 * vehicle.width * jnp.cos(error)
-    corner = jnp.stack([ahead + aside, ahead - aside, aside - ahead, -ahead - aside], axis=1) + place.offset[:, None]
-    outside = jnp.abs(corner) - 0.5 * lanes.width[links][:, None]
-    # A link that ends before the ego is no ground beneath it.
-    outside = outside + jnp.maximum(place.distance - jnp.abs(place.offset), 0.0)[:, None]
-    of_corner = soft.minimum(outside.T, relaxation, 1.0, jnp.broadcast_to(exists[None, :], outside.T.shape))
+    left, right = _edges(place, error, 0.5 * lanes.width[links], exists, relaxation)
+    aside, ahead = 0.5 * vehicle.width * jnp.cos(error[0]), 0.5 * vehicle.length * jnp.sin(error[0])
+    corner = jnp.stack([ahead + aside, ahead - aside, aside - ahead, -ahead - aside])
     return Log(
         time=world.time,
         ego=ego,
@@ -52,6 +48,20 @@ def record(params: SimParams, lanes: Lanes, world: WorldState, command: Command,
         centre=centre,
         along=ego.speed * jnp.cos(error[0]),
         offset=place.offset[0],
-        road_margin=soft.minimum(-of_corner, relaxation),
+        road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, EDGE),
         traffic=agents.objects(lanes, world.traffic, params.traffic),
     )
+
+
+def _edges(
+    place: Projection, error: Array, half_width: Array, exists: Array, relaxation: Relaxation
+) -> tuple[Array, Array]:
+    """Lateral positions of the road's left and right edge [m], seen from the ego along its own lane.
+
+    The road is the lane the ego is on with its neighbours and those in the opposite direction, taken to be contiguous.
+    """
+    centre = -place.offset * jnp.sign(jnp.cos(error))
+    # A lane that ends before the ego, or begins after it, is no ground beside it.
+    beside = half_width - jnp.maximum(place.distance - jnp.abs(place.offset), 0.0)
+    left = -soft.minimum(-(centre + beside), relaxation, EDGE, exists)
+    return left, soft.minimum(centre - beside, relaxation, EDGE, exists)

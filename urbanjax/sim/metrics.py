@@ -150,8 +150,8 @@ def _overlap(distance: Array, speed: Array, reach: Array) -> tuple[Array, Array]
     return enter, leave
 
 
-def jerk(log: Log) -> Float[Array, " t-1"]:
-    """Longitudinal jerk between steps [m/s^3]."""
+def jerk(log: Log) -> Float[Array, " s"]:
+    """Longitudinal jerk between steps [m/s^3], one fewer than steps."""
     steps = log.time[1:] - log.time[:-1]
     return safe.divide(log.ego.acceleration[1:] - log.ego.acceleration[:-1], steps)
 

@@ -21,7 +21,8 @@ class CirculateParams:
     """How traffic is spread, and what drivers want."""
 
     n_vehicles: int = static(default=32)
-    spacing: float = static(default=16.0)  # m, least distance between two starting places in one lane
+    spacing: float = 16.0  # m, between two starting places in one lane
+    n_places: int = static(default=6)  # starting places per link, at most
     ego_link: int = static(default=1)  # where the ego starts
     ego_station: float = 20.0  # m along that link
     ego_speed: float = 8.0  # m/s
@@ -62,9 +63,8 @@ def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: Lanes) ->
 def scatter(key: Array, lanes: Lanes, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]) -> Traffic:
     """Vehicles at distinct random places, which are `spacing` apart along each link."""
     graph = lanes.graph
-    n_places = int(jnp.max(graph.length) // params.spacing) if graph.length.size else 0
-    station = (0.5 + jnp.arange(n_places, dtype=graph.length.dtype)) * params.spacing
-    link = jnp.repeat(jnp.arange(graph.length.shape[0], dtype=jnp.int32), n_places)
+    station = (0.5 + jnp.arange(params.n_places, dtype=graph.length.dtype)) * params.spacing
+    link = jnp.repeat(jnp.arange(graph.length.shape[0], dtype=jnp.int32), params.n_places)
     station = jnp.tile(station, graph.length.shape[0])
     inside = station + 0.5 * params.spacing <= graph.length[link]
     row = roads.at(lanes, link, station)

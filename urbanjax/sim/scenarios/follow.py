@@ -39,7 +39,7 @@ def sample(key: Array, params: FollowParams, sim: SimParams) -> Scenario:
     """A start: the ego behind a leader that keeps its speed, or brakes behind a standing vehicle."""
     keys = jax.random.split(key, 5)
 
-    def draw(i: int, limits: tuple[float, float]) -> Array:
+    def draw(i: int, limits: tuple[float | Array, float | Array]) -> Array:
         return jax.random.uniform(keys[i], (), minval=limits[0], maxval=limits[1])
 
     speed, leader_speed = draw(0, params.ego_speed), draw(1, params.leader_speed)

@@ -45,7 +45,7 @@ def sample(key: Array, params: OvertakeParams, sim: SimParams) -> Scenario:
     """
     keys = jax.random.split(key, 7)
 
-    def draw(i: int, limits: tuple[float, float]) -> Array:
+    def draw(i: int, limits: tuple[float | Array, float | Array]) -> Array:
         return jax.random.uniform(keys[i], (), minval=limits[0], maxval=limits[1])
 
     speed, leader_speed, gap = draw(0, params.ego_speed), draw(1, params.leader_speed), draw(2, params.gap)
