@@ -7,6 +7,9 @@ import pytest
 
 from urbanjax.behavior import gvp
 from urbanjax.behavior.gvp import GVPParams
+from urbanjax.behavior.surroundings import Surroundings
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.vehicle.following import HeadwayParams
 
 
 def speeds(terminal, centre, tau, v_target=12.0, v_ego=4.0):
@@ -49,3 +52,20 @@ def test_reference_lies_between_the_two_speeds():
         d = rng.uniform(0, 4, 4)
         plan = speeds(d[:2], d[2:], rng.uniform())
         assert 4.0 - 1e-5 <= float(plan.reference) <= 12.0 + 1e-5
+
+
+@pytest.mark.parametrize("mode", ["hard", "soft"])
+def test_without_any_object_the_cap_is_the_speed(mode):
+    none = jnp.zeros(3)
+    fields = dict.fromkeys(Surroundings.__dataclass_fields__, none)
+    found = gvp.following_speed(
+        Surroundings(**{**fields, "valid": none > 0}),
+        occupancy=none,
+        front=jnp.asarray(2.0),
+        lead=none,
+        speed=jnp.asarray(8.0),
+        cap=jnp.asarray(13.9),
+        headway=HeadwayParams(),
+        relaxation=Relaxation(0.01, mode),
+    )
+    assert float(found) == pytest.approx(13.9, abs=0.05)

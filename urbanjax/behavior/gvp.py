@@ -52,7 +52,9 @@ def following_speed(
     speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (speed, cap))
     each = constant_headway_speed(speed, gap, surroundings.speed, cap, headway)
     relevant = soft.both(occupancy, ahead)
-    return soft.minimum(cap - relevant * (cap - each), relaxation, scale=0.5, fill=1e3, mask=surroundings.valid)
+    bounds = jnp.append(cap - relevant * (cap - each), cap[:1])  # the last one holds when there is no object
+    valid = jnp.append(surroundings.valid, True)
+    return soft.minimum(bounds, relaxation, scale=0.5, fill=1e3, mask=valid)
 
 
 def blend(to_target: Array, to_ego: Array, v_target: Array, v_ego: Array) -> Array:
