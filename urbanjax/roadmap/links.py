@@ -47,14 +47,25 @@ def sample(graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"]
     The position is the cubic Hermite curve of the tabulated positions and headings; the rest is linear. Continuous and
     differentiable in the station.
     """
-    return _sample(_nodes(graph), graph.length, link, station)
+    return _sample(*_nodes(graph, link), station)
 
 
-def _nodes(graph: RoadGraph) -> Array:
-    """All that `sample` reads, as one table [L, P, 5], because look-ups cost by the number, not by the size."""
-    across = graph.left - graph.right
-    width = safe.norm(across)
-    return jnp.concatenate([graph.centre, *(x[..., None] for x in (graph.heading, graph.curvature, width))], axis=-1)
+def _nodes(graph: RoadGraph, link: Array) -> tuple[Array, Array, Array]:
+    """All that is read of links, as one table [l, P, 5], because look-ups cost by the number, not by the size.
+
+    With it the length [l] of its links, and the row of each query; few queries get a table of their own links only.
+    """
+    own = link.ravel()
+    if own.size < graph.length.shape[0]:
+        centre, left, right, heading, curvature, length = (
+            x[own] for x in (graph.centre, graph.left, graph.right, graph.heading, graph.curvature, graph.length)
+        )
+        row = jnp.arange(own.size).reshape(link.shape)
+    else:
+        centre, left, right, heading, curvature = graph.centre, graph.left, graph.right, graph.heading, graph.curvature
+        length, row = graph.length, link
+    width = safe.norm(left - right)
+    return jnp.concatenate([centre, *(x[..., None] for x in (heading, curvature, width))], axis=-1), length, row
 
 
 def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoint:
@@ -92,13 +103,13 @@ def foot(
     Newton's method from the station `guess` [m]; for lanes that run along or against the heading. The foot may lie
     beyond the ends of the link, which goes straight on there.
     """
-    nodes = _nodes(graph)
+    table = _nodes(graph, link)
     tangent = jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
     normal = jnp.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
 
     # A loop of one look-up: unrolled, or with one more after it, it would take several times as long to compile.
     def improve(_: Any, now: Foot) -> Foot:
-        point = _sample(nodes, graph.length, link, now.station)
+        point = _sample(*table, now.station)
         slope = jnp.cos(point.heading - heading)
         slope = jnp.where(slope < 0, -1, 1) * jnp.maximum(jnp.abs(slope), 0.2)
         away = point.position - position
@@ -119,11 +130,11 @@ def project(
 
     The station stays within the ends of the link; differentiable in the position.
     """
-    nodes = _nodes(graph)
+    table = _nodes(graph, link)
 
     def improve(_: Any, now: tuple[Array, Projected]) -> tuple[Array, Projected]:
         station, _ = now
-        point = _sample(nodes, graph.length, link, station)
+        point = _sample(*table, station)
         cos, sin = jnp.cos(point.heading), jnp.sin(point.heading)
         x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
         along, aside = cos * x + sin * y, cos * y - sin * x
