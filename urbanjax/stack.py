@@ -115,7 +115,7 @@ def step(
             relaxation,
         )
     with jax.named_scope("gvp"):
-        pace = speed.plan(road, choice, ego, vehicle, params.behavior, relaxation)
+        pace = speed.plan(choice, ego, vehicle, params.behavior, relaxation)
     with jax.named_scope("control"):
         command = drive.follow(choice.path, pace.reference, choice.selection.emergency, ego, vehicle, params.control)
     following = StackState(

@@ -1,6 +1,5 @@
 """Connecting paths: from the present pose onto a lane, and how clear they are at free-flow speed."""
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -9,7 +8,7 @@ from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
-from urbanjax.roadmap.extended import ExtendedGraph, Progress, sample, to_world
+from urbanjax.roadmap.extended import Progress, Sample
 from urbanjax.types import Path, Prediction, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -24,7 +23,7 @@ class ConnectParams:
 
 
 def connect(
-    window: ExtendedGraph,
+    road: Sample,
     start: Progress,
     state: VehicleState,
     station: Float[Array, "k"],
@@ -33,7 +32,8 @@ def connect(
 ) -> Path:
     """The path from the present pose that joins a lane by a quintic in station and then follows it.
 
-    Args: station [K] m, the shared grid, from the vehicle on; lane [K] m, offset of the lane's centre on it.
+    Args: road [K], on the shared grid; station [K] m, the grid, from the vehicle on; lane [K] m, offset of the lane's
+    centre on it.
     """
     length = jnp.maximum(params.duration * state.speed, params.min_length)
     lane_slope = jnp.asarray(jnp.gradient(lane, station[1] - station[0]))
@@ -42,20 +42,9 @@ def connect(
     blend = polynomial.quintic((start.offset - lane[0], slope, zero), (zero, zero, zero), length)
     deviation, first, second = polynomial.evaluate(blend, jnp.clip(station - station[0], 0, length))
     offset = lane + deviation
-    road = sample(window, station)
     heading, curvature = frenet.offset_curve(road.heading, road.curvature, offset, lane_slope + first, second)
-    position, _, _ = to_world(window, station, offset)
+    position = frenet.to_world(frenet.Reference(road.position, road.heading, road.curvature), offset)
     return Path(station=station, offset=offset, position=position, heading=heading, curvature=curvature)
-
-
-def mix(paths: list[Path], weights: Float[Array, "n"]) -> Path:
-    """The weighted sum of paths on one grid; with one-hot weights, the chosen path itself."""
-
-    def weighted(*values: Array) -> Array:
-        # Relative to the first path, so that large coordinates lose no precision.
-        return values[0] + sum(w * (v - values[0]) for w, v in zip(weights[1:], values[1:], strict=True))
-
-    return jax.tree.map(weighted, *paths)
 
 
 def room_along(

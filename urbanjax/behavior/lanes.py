@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import ExtendedGraph, Sample, sample
+from urbanjax.roadmap.extended import Sample
 from urbanjax.types import pytree
 
 NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be worth
@@ -36,11 +36,6 @@ def nearest_lane(
     return soft.choose(
         distance - params.stickiness * previous, relaxation, scale=params.clear_difference, mask=here.has_lane
     )
-
-
-def lane_profile(extended: ExtendedGraph, station: Float[Array, "k"], weights: Float[Array, "q"]) -> Float[Array, "k"]:
-    """Offset in metres of the weighted lane's centre at each station."""
-    return sample(extended, station).lane_offset @ weights
 
 
 def terminal(

@@ -6,13 +6,12 @@ from jaxtyping import Float
 
 from urbanjax.behavior import caps, gvp
 from urbanjax.behavior.gvp import LaneSpeeds
-from urbanjax.behavior.lanes import lane_profile
 from urbanjax.behavior.params import BehaviorParams
 from urbanjax.behavior.surroundings import in_lane
 from urbanjax.behavior.tsps import Choice
 from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import ExtendedGraph
+from urbanjax.planning.basis import interpolate
 from urbanjax.types import VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -28,38 +27,33 @@ class SpeedPlan:
 
 
 def plan(
-    window: ExtendedGraph,
-    choice: Choice,
-    ego: VehicleState,
-    vehicle: VehicleParams,
-    params: BehaviorParams,
-    relaxation: Relaxation,
+    choice: Choice, ego: VehicleState, vehicle: VehicleParams, params: BehaviorParams, relaxation: Relaxation
 ) -> SpeedPlan:
     """v_ref of Eq. 29 in m/s, below speed limit, curve speed and stop line, and below the collision clamp."""
-    around, body, path = choice.surroundings, choice.body, choice.path
-    cap = caps.now(path, choice.cap, choice.signal, params.caps)
+    scene, path, terminal = choice.scene, choice.path, choice.terminal
+    around, body = scene.surroundings, scene.body
+    cap = caps.now(path, choice.cap, scene.signal, params.caps)
 
     def lane_speed(weights: Float[Array, "q"], front: Array, time: float | Array) -> Float[Array, ""]:
-        lane = lane_profile(window, around.station, weights)
+        lane = around.lane_offset @ weights
         occupancy = in_lane(around, lane, vehicle.width / 2, params.occupancy, relaxation)
         lead = around.station - around.half_length + time * around.speed - front
         return gvp.following_speed(around, occupancy, body.front, lead, ego.speed, cap, params.headway, relaxation)
 
-    def distances(station: Float[Array, ""], offset: Float[Array, ""]) -> tuple[Array, Array]:
-        to_lanes = [offset - lane_profile(window, station[None], w)[0] for w in (choice.target_lane, choice.ego_lane)]
-        to_target, to_ego = (safe.sqrt(d**2 + 1e-6) for d in to_lanes)
-        return to_target, to_ego
+    def distances(offset: Float[Array, ""], lanes: Float[Array, "q"]) -> tuple[Array, Array]:
+        to_target, to_ego = (offset - lanes @ weights for weights in (choice.target_lane, choice.ego_lane))
+        return safe.sqrt(to_target**2 + 1e-6), safe.sqrt(to_ego**2 + 1e-6)
 
-    arrival = choice.terminal @ path.station + body.front - path.station[0]
+    arrival = terminal @ path.station + body.front - path.station[0]
     lanes = gvp.plan_speed(
-        terminal=distances(choice.terminal @ path.station, choice.terminal @ path.offset),
-        centre=distances(body.centre, body.offset),
-        v_target=lane_speed(choice.target_lane, arrival, choice.terminal @ choice.time),
+        terminal=distances(terminal @ path.offset, terminal @ scene.road.lane_offset),
+        centre=distances(body.offset, scene.here.lane_offset),
+        v_target=lane_speed(choice.target_lane, arrival, terminal @ choice.time),
         v_ego=lane_speed(choice.ego_lane, body.front, 0.0),
         params=params.gvp,
     )
     rear = around.station - around.half_length
-    on_path = jnp.interp(rear, path.station, path.offset)
+    on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
     clamp = gvp.clamp(around, on_path, body.front, vehicle, params.gvp, params.occupancy, relaxation)
     reference = jnp.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
     return SpeedPlan(reference=reference, lanes=lanes, cap=cap, clamp=clamp)

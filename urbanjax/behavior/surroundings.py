@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import ExtendedGraph, progress
+from urbanjax.roadmap.extended import ExtendedGraph, progress, sample
 from urbanjax.types import Objects, pytree
 
 
@@ -29,6 +29,7 @@ class Surroundings:
     lateral_speed: Array  # [O] m/s to the left
     half_length: Array  # [O] m along the route
     half_width: Array  # [O] m across the route
+    lane_offset: Array  # [O, Q] m, lane centres at each object's station
     valid: Array  # [O] bool
 
 
@@ -48,6 +49,7 @@ def relate(objects: Objects, window: ExtendedGraph) -> Surroundings:
         lateral_speed=objects.speed * sin,
         half_length=half_length * cos_abs + half_width * sin_abs,
         half_width=half_width * cos_abs + half_length * sin_abs,
+        lane_offset=sample(window, seen.station).lane_offset,
         valid=objects.valid & inside,
     )
 

@@ -1,12 +1,13 @@
 """Task-specific path selection: the three candidate paths, how they stand, and the one to drive (Eq. 25-27)."""
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
 from urbanjax.behavior import caps
-from urbanjax.behavior.candidates import connect, mix, room_along
-from urbanjax.behavior.lanes import lane_profile, nearest_lane, terminal
+from urbanjax.behavior.candidates import connect, room_along
+from urbanjax.behavior.lanes import nearest_lane, terminal
 from urbanjax.behavior.params import BehaviorParams
 from urbanjax.behavior.situation import (
     Body,
@@ -19,11 +20,11 @@ from urbanjax.behavior.situation import (
     signal_ahead,
 )
 from urbanjax.behavior.surroundings import Surroundings, in_lane, relate
-from urbanjax.behavior.tree import EGO, MICRO, ROUTE, Selection, Situation, TSPSState, decide, remember
+from urbanjax.behavior.tree import ROUTE, Selection, Situation, TSPSState, decide, remember
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.micro import MicroPlan
-from urbanjax.roadmap.extended import ExtendedGraph, Progress, sample, sample_one
+from urbanjax.roadmap.extended import ExtendedGraph, Progress, Sample, sample, sample_one
 from urbanjax.types import Observation, Path, Prediction, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 from urbanjax.vehicle.profile import free_flow
@@ -38,6 +39,17 @@ class SelectState:
 
 
 @pytree
+class Scene:
+    """What one step's behaviour looks at."""
+
+    road: Sample  # [K], on the grid that the paths share
+    here: Sample  # [], at the front bumper
+    surroundings: Surroundings
+    body: Body
+    signal: SignalAhead
+
+
+@pytree
 class Lanes:
     """Weights over the lanes across; all shapes [Q]."""
 
@@ -48,7 +60,7 @@ class Lanes:
 
 @pytree
 class Candidate:
-    """One of the three paths of Eq. 27."""
+    """One of the three paths of Eq. 27, or all of them stacked along the first axis."""
 
     path: Path
     cap: Array  # [K] m/s, speed limit and curves
@@ -69,9 +81,7 @@ class Choice:
     selection: Selection
     situation: Situation
     clearance: Array  # [3] m, smallest clearance of (route, micro, ego lane)
-    surroundings: Surroundings
-    body: Body
-    signal: SignalAhead
+    scene: Scene
 
 
 def init(start: Progress, extended: ExtendedGraph) -> SelectState:
@@ -97,129 +107,114 @@ def select(
     """The path that task-specific path selection chooses (Eq. 27), and the state one step on.
 
     Route and ego-lane paths start at the present pose and are judged at free-flow speed without car following:
-    otherwise a slow leader would never make the route infeasible.
+    otherwise a slow leader would never make the route infeasible. Args: follower [B], degree to which a predicted
+    object follows the ego, and so does not count.
     """
-    body = body_of(start, ego, vehicle)
-    surroundings = relate(observation.objects, window)
-    signal = signal_ahead(window, observation.signals, body)
-    station = micro.path.station
-    limit = sample(window, station).speed_limit
-    lanes = find_lanes(window, body, micro.path, state.ego_lane, params, relaxation)
+    body, station = body_of(start, ego, vehicle), micro.path.station
+    scene = Scene(
+        road=sample(window, station),
+        here=sample_one(window, body.front),
+        surroundings=relate(observation.objects, window),
+        body=body,
+        signal=signal_ahead(window, observation.signals, body),
+    )
+    lanes = find_lanes(scene, micro.path, window.route_lane, state.ego_lane, params, relaxation)
 
     def candidate(lane: Float[Array, "q"]) -> Candidate:
-        path = connect(window, start, ego, station, lane_profile(window, station, lane), params.connect)
-        cap = caps.along(path, limit, params.caps)
+        path = connect(scene.road, start, ego, station, scene.road.lane_offset @ lane, params.connect)
+        cap = caps.along(path, scene.road.speed_limit, params.caps)
         speed, time = free_flow(ego.speed, cap, station - station[0], params.profile)
         horizon = params.tsps.horizon
         room = room_along(path, speed, time, horizon, prediction, follower, vehicle, params.clearance, relaxation)
         return Candidate(path=path, cap=cap, time=time, clearance=room)
 
-    micro_cap = caps.along(micro.path, limit, params.caps)
-    candidates = {
-        ROUTE: candidate(lanes.route),
-        MICRO: Candidate(path=micro.path, cap=micro_cap, time=micro.time, clearance=micro.clearance),
-        EGO: candidate(lanes.ego),
-    }
+    cap = caps.along(micro.path, scene.road.speed_limit, params.caps)
+    over = Candidate(path=micro.path, cap=cap, time=micro.time, clearance=micro.clearance)
+    others = jax.vmap(candidate)(jnp.stack([lanes.route, lanes.ego]))
+    candidates = jax.tree.map(lambda a, b: jnp.stack([a[0], b, a[1]]), others, over)
     memory, situation = assess(
-        window,
-        ego,
-        body,
-        surroundings,
-        signal,
-        lanes,
-        candidates[ROUTE].clearance,
-        micro,
-        state.tree,
-        vehicle,
-        params,
-        relaxation,
+        scene, lanes, candidates.clearance[ROUTE], micro.feasible, state.tree, vehicle, params, relaxation
     )
     selection = decide(situation, params.tsps)
-    route, over, keep = selection.path
-    ordered = [candidates[i] for i in range(3)]
-    path = mix([c.path for c in ordered], selection.path)
+    chosen = jax.tree.map(lambda x: weighted(selection.path, x), candidates)
+    along_ego = scene.road.lane_offset @ lanes.ego
     choice = Choice(
-        path=path,
-        cap=selection.path @ jnp.stack([c.cap for c in ordered]),
-        time=selection.path @ jnp.stack([c.time for c in ordered]),
-        terminal=terminal(
-            path.offset, lane_profile(window, station, lanes.ego), params.connect.terminal_scale, relaxation
-        ),
+        path=chosen.path,
+        cap=chosen.cap,
+        time=chosen.time,
+        terminal=terminal(chosen.path.offset, along_ego, params.connect.terminal_scale, relaxation),
         ego_lane=lanes.ego,
-        target_lane=route * lanes.route + over * lanes.micro + keep * lanes.ego,
+        target_lane=weighted(selection.path, jnp.stack([lanes.route, lanes.micro, lanes.ego])),
         selection=selection,
         situation=situation,
-        clearance=jnp.stack([c.clearance for c in ordered]),
-        surroundings=surroundings,
-        body=body,
-        signal=signal,
+        clearance=candidates.clearance,
+        scene=scene,
     )
     return SelectState(tree=memory, ego_lane=lanes.ego), choice
 
 
+def weighted(weights: Float[Array, "n"], values: Float[Array, "n *s"]) -> Float[Array, "*s"]:
+    """The weighted mean over the first axis, taken relative to the first value: large coordinates lose no precision."""
+    return values[0] + jnp.tensordot(weights, values - values[:1], axes=1, precision=jax.lax.Precision.HIGHEST)
+
+
 def find_lanes(
-    window: ExtendedGraph,
-    body: Body,
+    scene: Scene,
     micro: Path,
+    route_lane: int,
     previous: Float[Array, "q"],
     params: BehaviorParams,
     relaxation: Relaxation,
 ) -> Lanes:
     """The route's lane, the ego lane and the lane in which the micro path has its terminal point."""
-    weights = jnp.zeros_like(previous).at[window.route_lane].set(1)
-    ego = nearest_lane(sample_one(window, body.front), body.offset, previous, params.lanes, relaxation)
-    along = lane_profile(window, micro.station, ego)
-    end = terminal(micro.offset, along, params.connect.terminal_scale, relaxation)
-    there = sample_one(window, end @ micro.station)
+    ego = nearest_lane(scene.here, scene.body.offset, previous, params.lanes, relaxation)
+    end = terminal(micro.offset, scene.road.lane_offset @ ego, params.connect.terminal_scale, relaxation)
+    exists = end @ scene.road.has_lane.astype(end.dtype) > 0.5
+    there = scene.here.replace(lane_offset=end @ scene.road.lane_offset, has_lane=exists)
     nowhere = jnp.zeros_like(previous)
     return Lanes(
-        route=weights,
+        route=nowhere.at[route_lane].set(1),
         ego=ego,
         micro=nearest_lane(there, end @ micro.offset, nowhere, params.lanes, relaxation),
     )
 
 
 def assess(
-    window: ExtendedGraph,
-    ego: VehicleState,
-    body: Body,
-    surroundings: Surroundings,
-    signal: SignalAhead,
+    scene: Scene,
     lanes: Lanes,
     route_clearance: Float[Array, ""],
-    micro: MicroPlan,
+    micro_feasible: Float[Array, ""],
     state: TSPSState,
     vehicle: VehicleParams,
     params: BehaviorParams,
     relaxation: Relaxation,
 ) -> tuple[TSPSState, Situation]:
     """The inputs of the decision tree, as degrees, and its counters one step on."""
-    tree, here = params.tsps, sample_one(window, body.front)
+    tree, here, body, around = params.tsps, scene.here, scene.body, scene.surroundings
 
     def occupied(lane: Float[Array, "q"]) -> Float[Array, "o"]:
-        centre = lane_profile(window, surroundings.station, lane)
-        return in_lane(surroundings, centre, vehicle.width / 2, params.occupancy, relaxation)
+        return in_lane(around, around.lane_offset @ lane, vehicle.width / 2, params.occupancy, relaxation)
 
     def blocked_beside(lane: Float[Array, "q"], occupancy: Float[Array, "o"]) -> Float[Array, ""]:
         enters = entering(here.lane_offset @ lane, body, here.lane_width @ lanes.ego / 4, tree, relaxation)
-        return soft.both(enters, beside(surroundings, occupancy, body, tree, relaxation))
+        return soft.both(enters, beside(around, occupancy, body, tree, relaxation))
 
     in_route, in_ego, in_micro = occupied(lanes.route), occupied(lanes.ego), occupied(lanes.micro)
     return_occupied = blocked_beside(lanes.route, in_route)
     clear = soft.above(route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
-    near = near_signal(signal, tree, relaxation)
+    near = near_signal(scene.signal, tree, relaxation)
     route_free = soft.both(clear, soft.negate(return_occupied))
-    memory = remember(state, ego.speed, soft.both(near, signal.red), route_free, tree, relaxation)
+    memory = remember(state, body.speed, soft.both(near, scene.signal.red), route_free, tree, relaxation)
     situation = Situation(
         route_feasible=soft.above(0.5 - memory.blocked, 0.0, relaxation, scale=0.5),
         stuck=soft.above(memory.stuck, tree.stuck_steps, relaxation, scale=tree.stuck_steps / 4),
-        micro_feasible=micro.feasible,
-        turning_at_signal=soft.both(near, signal.turning),
+        micro_feasible=micro_feasible,
+        turning_at_signal=soft.both(near, scene.signal.turning),
         side_occupied=blocked_beside(lanes.micro, in_micro),
         return_occupied=return_occupied,
         stoppable=soft.either(
-            can_stop(surroundings, in_route, body, tree, relaxation),
-            can_stop(surroundings, in_ego, body, tree, relaxation),
+            can_stop(around, in_route, body, tree, relaxation),
+            can_stop(around, in_ego, body, tree, relaxation),
         ),
     )
     return memory, situation
