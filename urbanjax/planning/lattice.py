@@ -37,6 +37,7 @@ class LatticeWeights:
     curvature: float = 1.0  # per rad of turn
     transition: float = 0.05  # per m beside the previous plan and m of way
     route: float = 0.05  # per m beside the route's lane and m of way
+    centre: float = 0.1  # per m beside the centre of the lane and m of way
     lane_change: float = 2.0  # per change
     oncoming: float = 0.1  # per m of way in the oncoming lane
     line: float = 5.0  # per m of the footprint over a line that may not be crossed, and m of way
@@ -140,6 +141,7 @@ def node_terms(
         "curvature": weights.curvature * ds * smooth_abs(turn, 1e-4),
         "transition": weights.transition * ds * smooth_abs(offset - last[:, None]) * counts[:, None],
         "route": weights.route * ds * smooth_abs(offset - route[:, None]),
+        "centre": weights.centre * ds * smooth_abs(offset - road.lane_offset[:, lattice.lane]),
         "oncoming": weights.oncoming * ds * opposed,
         "line": weights.line * ds * jnp.sum(covers * over, axis=-1),
         "collision": weights.collision * collides,
