@@ -1,0 +1,60 @@
+"""A batch of closed loops is the same as the loops one by one, and nothing compiles once the first step has run."""
+
+import jax
+import numpy as np
+
+from tests.scenes import loop_params, overtake_scene
+from urbanjax import stack
+from urbanjax.sim import world
+from urbanjax.sim.rollout import rollout
+from urbanjax.types import as_arrays
+
+N_STARTS, N_STEPS = 64, 20
+
+
+def test_batch_of_64_equals_64_single_runs():
+    with jax.enable_x64(True):
+        params = as_arrays(loop_params())
+        course, lanes, starts = map(as_arrays, overtake_scene(params, N_STARTS))
+
+        def drive(start):
+            log, _ = rollout(params, course, lanes, start, N_STEPS)
+            return log.ego
+
+        batch = jax.jit(jax.vmap(drive))(starts)
+        single = jax.jit(drive)
+        for i in range(N_STARTS):
+            alone = single(jax.tree.map(lambda x, i=i: x[i], starts))
+            for one, many in zip(jax.tree.leaves(alone), jax.tree.leaves(batch), strict=True):
+                np.testing.assert_allclose(many[i], one, rtol=0, atol=1e-9)
+
+
+def test_nothing_compiles_after_the_first_step():
+    params = as_arrays(loop_params())
+    course, lanes, starts = map(as_arrays, overtake_scene(params, 2))
+    first, second = (jax.tree.map(lambda x, i=i: x[i], starts) for i in range(2))
+    begin, step = jax.jit(stack.init), jax.jit(stack.step)
+    move = jax.jit(lambda now, command: world.step(params.sim, lanes, now, command, params.period))
+    see = jax.jit(lambda now: world.observe(params.sim, lanes, now))
+    compiled = []
+
+    def count(event: str, duration: float, **_: object) -> None:
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(event)
+
+    def drive(now, n_steps: int) -> None:
+        state = begin(params.stack, course, now.ego.pose)
+        for _ in range(n_steps):
+            command, state, _ = step(params.stack, course, state, see(now))
+            now = move(now, command)
+
+    jax.monitoring.register_event_duration_secs_listener(count)
+    try:
+        drive(first, 1)
+        by_the_first_step = len(compiled)
+        drive(first, 4)
+        drive(second, 4)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(count)
+    assert by_the_first_step > 0, "the listener heard no compilation at all"
+    assert len(compiled) == by_the_first_step
