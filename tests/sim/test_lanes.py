@@ -22,7 +22,7 @@ def test_curve_is_a_circle_and_lanes_are_parallel():
 def test_place_inverts_at(road):
     lanes = road.lanes
     links = jnp.asarray([0, 1, 5], jnp.int32)
-    found = roads.place(lanes, links, jnp.asarray([100.0, 0.4]))
+    found = jax.jit(roads.place)(lanes, links, jnp.asarray([100.0, 0.4]))
     np.testing.assert_allclose(found.station[:2], 100.0, atol=1e-3)
     np.testing.assert_allclose(found.offset[:2], [0.4 - 3.5, 0.4], atol=1e-5)
     assert found.station[2] == 0
@@ -33,7 +33,7 @@ def test_gradient_of_place_is_along_the_road(road):
     def station(position):
         return roads.place(road.lanes, jnp.asarray([1], jnp.int32), position).station[0]
 
-    np.testing.assert_allclose(jax.grad(station)(jnp.asarray([101.0, 0.4])), [1.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(jax.jit(jax.grad(station))(jnp.asarray([101.0, 0.4])), [1.0, 0.0], atol=1e-5)
 
 
 def test_lane_that_ends_beside_another_is_known():

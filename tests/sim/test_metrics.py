@@ -10,6 +10,9 @@ from urbanjax.types import Command, Objects, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
 HARD, VEHICLE = Relaxation(), VehicleParams()
+evaluate = jax.jit(metrics.evaluate)
+record = jax.jit(logs.record)
+score = jax.jit(scores.score)
 L, W = VEHICLE.length, VEHICLE.width
 
 
@@ -62,7 +65,7 @@ def test_no_time_to_collision_where_nothing_comes_closer_in_the_way(other):
     log = make(ego_speed=10.0, others=[other])
     assert metrics.inverse_ttc(log, VEHICLE, HARD)[0] == 0
     assert metrics.box_ttc(log, VEHICLE)[0] == metrics.FAR
-    np.testing.assert_allclose(metrics.evaluate(log_of_two(log), VEHICLE, HARD).ttc_lane, metrics.FAR, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(log_of_two(log), VEHICLE, HARD).ttc_lane, metrics.FAR, rtol=1e-6)
 
 
 def log_of_two(log):
@@ -105,7 +108,7 @@ def test_box_time_equals_a_fine_search():
 
 def test_comfort_known_answers():
     log = make(np.zeros(3), ego_speed=jnp.asarray([8.0, 6.0, 7.0]), acceleration=jnp.asarray([0.0, -2.0, 1.0]))
-    found = metrics.evaluate(log.replace(ego=log.ego.replace(steering=jnp.full(3, 0.1))), VEHICLE, HARD)
+    found = evaluate(log.replace(ego=log.ego.replace(steering=jnp.full(3, 0.1))), VEHICLE, HARD)
     assert found.min_speed == 6
     assert found.speed_drop == 2
     assert found.max_acceleration == 2
@@ -115,8 +118,8 @@ def test_comfort_known_answers():
 
 def test_hard_metrics_are_the_limit_of_soft_ones():
     log = make([0.0, 4.0], others=[(14.0, 1.0, 0.1, 3.0), (9.0, 4.0, 0.0, 9.0)], road_margin=jnp.asarray([0.4, 0.2]))
-    hard = metrics.evaluate(log, VEHICLE, HARD)
-    soft = metrics.evaluate(log, VEHICLE, Relaxation(1e-3, "soft"))
+    hard = evaluate(log, VEHICLE, HARD)
+    soft = evaluate(log, VEHICLE, Relaxation(1e-3, "soft"))
     for a, b in zip(jax.tree.leaves(hard), jax.tree.leaves(soft), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-2, atol=1e-2)
 
@@ -132,7 +135,7 @@ def test_overlaps_of_all_pairs():
 
 def test_record_measures_lane_and_road(road):
     world = road.world(road.traffic(), ego_x=50.0, ego_y=0.6, ego_speed=8.0, heading=0.1)
-    entry = logs.record(road.params, road.lanes, world, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, world, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
     half = L / 2 - 0.95
     y = 0.6 + half * np.sin(0.1)
     np.testing.assert_allclose(entry.offset, y, atol=1e-5)
@@ -141,10 +144,10 @@ def test_record_measures_lane_and_road(road):
     np.testing.assert_allclose(entry.road_margin, lowest + 1.75, atol=1e-4)
     # Crossing the line between the lanes leaves the road's edge as far away as it was.
     middle = road.world(road.traffic(), ego_x=50.0, ego_y=1.75)
-    entry = logs.record(road.params, road.lanes, middle, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, middle, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
     np.testing.assert_allclose(entry.road_margin, 3.5 - W / 2, atol=1e-4)
     outside = road.world(road.traffic(), ego_x=50.0, ego_y=-1.2)
-    entry = logs.record(road.params, road.lanes, outside, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, outside, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
     np.testing.assert_allclose(entry.road_margin, 1.75 - 1.2 - W / 2, atol=1e-4)
 
 
@@ -152,7 +155,7 @@ def test_score_prefers_more_progress_room_and_comfort():
     params, soft = scores.ScoreParams(), Relaxation(0.1, "soft")
 
     def total(log):
-        return scores.score(log, VEHICLE, params, soft)
+        return score(log, VEHICLE, params, soft)
 
     base = make(np.arange(10.0), others=[(5.0, 3.5, 0.0, 0.0)])
     worse = {
@@ -201,6 +204,6 @@ def test_gradient_is_finite_at_a_standstill_on_one_spot():
         found = metrics.evaluate(log, VEHICLE, soft)
         return scores.score(log, VEHICLE, scores.ScoreParams(), soft) + sum(jax.tree.leaves(found))
 
-    gradient = jax.grad(value, allow_int=True)(log)
+    gradient = jax.jit(jax.grad(value, allow_int=True))(log)
     floats = [g for g in jax.tree.leaves(gradient) if jnp.issubdtype(g.dtype, jnp.floating)]
     assert all(np.all(np.isfinite(g)) for g in floats)

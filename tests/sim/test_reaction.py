@@ -7,23 +7,30 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.builders import two_way
 from urbanjax.sim import agents, reaction
 from urbanjax.sim import lanes as roads
-from urbanjax.types import VehicleState, as_arrays
+from urbanjax.sim import world as worlds
+from urbanjax.types import Command, VehicleState, as_arrays
+from urbanjax.vehicle.model import box_centre
 
 HARD, SOFT = Relaxation(), Relaxation(temperature=0.1, mode="soft")
 
 
-def braking(road, vehicle, x, y, speed, heading=0.0, lanes=None, relaxation=HARD, params=None, link=1):
-    """Braking of one vehicle towards the ego [m/s^2]; x of the ego's rear axle."""
-    lanes, params = lanes or road.lanes, params or road.params
-    traffic = road.traffic(vehicle, dtype=jnp.asarray(x).dtype)
-    ego = VehicleState(
-        jnp.stack([jnp.asarray(v) for v in (x, y)]), *(jnp.asarray(v) for v in (heading, speed, 0.0, 0.0))
+@jax.jit
+def _braking(lanes, params, traffic, ego, link, relaxation):
+    centre = box_centre(ego, params.vehicle)
+    seen = reaction.presence(
+        lanes, reaction.own_link(lanes, link, centre, ego.heading), ego, params.vehicle, params.reaction
     )
-    centre = ego.position + params.vehicle.centre_offset * jnp.stack([jnp.cos(ego.heading), jnp.sin(ego.heading)])
-    on = reaction.own_link(lanes, jnp.asarray(link, jnp.int32), centre, ego.heading)
-    seen = reaction.presence(lanes, on, ego, params.vehicle, params.reaction)
     chain = agents.chain_of(lanes, traffic, params.traffic)
     return reaction.braking(seen, traffic, chain, params.traffic, params.reaction, relaxation)[0]
+
+
+def braking(road, vehicle, x, y, speed, heading=0.0, lanes=None, relaxation=HARD, params=None, link=1):
+    """Braking of one vehicle towards the ego [m/s^2]; x of the ego's rear axle."""
+    traffic = road.traffic(vehicle, dtype=jnp.asarray(x).dtype)
+    position = jnp.stack([jnp.asarray(x), jnp.asarray(y)])
+    ego = VehicleState(position, *(jnp.asarray(v) for v in (heading, speed, 0.0, 0.0)))
+    link = jnp.asarray(link, jnp.int32)
+    return _braking(lanes or road.lanes, params or road.params, traffic, ego, link, relaxation)
 
 
 BEHIND = {"x": 100.0, "lane": 1, "speed": 10.0}
@@ -57,12 +64,19 @@ def test_oncoming_traffic_brakes_for_an_ego_in_its_lane_only_if_told_to(road):
     assert bool(graph.has_opposite[own, 0])
     params = road.params
 
-    def run(y, params):
+    station = float(graph.length[oncoming]) - 560.0
+
+    @jax.jit
+    def first_step(y, params):
         traffic = road.traffic({"x": 0.0, "lane": 1, "speed": 10.0})
-        station = float(graph.length[oncoming]) - 560.0
         traffic = traffic.replace(station=traffic.station.at[0].set(station), link=traffic.link.at[0].set(oncoming))
-        world = road.world(traffic, ego_x=500.0, ego_y=y, ego_speed=10.0, ego_link=own)
-        return float(road.roll(world, 1, params, lanes)[-1].traffic.acceleration[0])
+        world = road.world(traffic, ego_x=500.0, ego_speed=10.0, ego_link=own)
+        world = world.replace(ego=world.ego.replace(position=jnp.stack([jnp.asarray(500.0), y])))
+        still = Command(jnp.asarray(0.0), jnp.asarray(0.0))
+        return worlds.step(params.replace(lane_changes=False), lanes, world, still, 0.1).traffic.acceleration[0]
+
+    def run(y, params):
+        return float(first_step(jnp.asarray(y), params))
 
     free = run(0.0, params)
     assert free > 0

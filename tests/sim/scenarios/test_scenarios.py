@@ -38,7 +38,7 @@ def ego_gaps(lanes, scenario):
         found = gap(centre, *size, boxes.position, boxes.heading, boxes.length, boxes.width)
         return jnp.where(boxes.valid, found, 1e3)
 
-    return np.asarray(jax.vmap(one)(scenario.world))
+    return np.asarray(jax.jit(jax.vmap(one))(scenario.world))
 
 
 def inside(values, limits):
