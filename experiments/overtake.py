@@ -18,7 +18,7 @@ def study(params: OvertakeStudy, run: Run) -> report.Section:
     run.table("overtake", overtake.table(found))
     run.table("overtake_starts", overtake.starts(found))
     run.summary({**overtake.summary(found), **times})
-    table = report.Table(CAPTION, overtake.table(found))
+    table = report.Table(CAPTION, overtake.by_tau(overtake.table(found)))
     progress.show_table("overtaking", table.columns)
     start = overtake_figures.exemplar(found)
     overtake_figures.draw_fig10(found, run.path("fig10.png"), start)

@@ -31,7 +31,7 @@ def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[]
             folder = Path(inspect.getfile(body)).resolve().parents[1] / "configs" / name
             tree = configs.schema(params_class)
             try:
-                _launch(name, tree, folder if folder.is_dir() else None, functools.partial(_task, params_class, body))
+                _launch(name, tree, folder, functools.partial(_task, params_class, body))
             except UrbanJaxError as error:
                 _stop(str(error))
             except Exception as error:
@@ -50,7 +50,7 @@ def _stop(message: str) -> None:
     sys.exit(2)
 
 
-def _launch(name: str, tree: dict[str, Any], folder: Path | None, task: Callable[[Any], None]) -> None:
+def _launch(name: str, tree: dict[str, Any], folder: Path, task: Callable[[Any], None]) -> None:
     import hydra
     from hydra.core.config_store import ConfigStore
 
@@ -72,7 +72,8 @@ def _launch(name: str, tree: dict[str, Any], folder: Path | None, task: Callable
         **tree,
     }
     ConfigStore.instance().store(name=name, node=node)
-    hydra.main(version_base="1.3", config_path=str(folder) if folder else None, config_name=name)(task)()
+    folder = folder if folder.is_dir() else Path(__file__).parent  # Hydra wants a folder, also without presets
+    hydra.main(version_base="1.3", config_path=str(folder), config_name=name)(task)()
 
 
 def _task(params_class: type[T], body: Body, config: Any) -> None:

@@ -32,11 +32,12 @@ def bar(title: str) -> Iterator[Callable[[str, float | None], None]]:
 def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
     """Print the table."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     shown = Table(title=title, title_justify="left")
     for i, name in enumerate(columns):
-        shown.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+        shown.add_column(escape(name), justify="left" if i == 0 else "right", overflow="fold")
     for row in zip(*columns.values(), strict=True):
-        shown.add_row(*(cell(value) for value in row))
+        shown.add_row(*(escape(cell(value)) for value in row))
     Console().print(shown)

@@ -101,8 +101,14 @@ class StackDriver:
     def _follow(self, env: Any, link: int) -> None:
         """Take the route that begins on `link`."""
         self.course = course_to(self.graph, link, self.destination, self.params.extend)
-        self.state = _init(self.stack, self.course, self.observe(env).pose)
         extended = self.course.extended
+        self.state = _init(self.stack, self.course, self.observe(env).pose)
+        if self.destination.laps > 1:  # every lap passes here: begin with the first
+            away = np.linalg.norm(
+                np.asarray(extended.position) - np.asarray(self.observe(env).pose.translation()), axis=-1
+            )
+            first = float(extended.station[int(np.argmax(away < away.min() + 0.1))])
+            self.state = self.state.replace(station=jnp.full_like(self.state.station, first))
         self.lanes = jax.tree.map(np.asarray, (extended.lane_link, extended.lane_offset, extended.has_lane))
         self.settled = 0
 

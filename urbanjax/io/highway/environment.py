@@ -63,29 +63,6 @@ def action_of(acceleration: float, steering: float) -> np.ndarray:
     return np.clip(2.0 * np.asarray(scaled) - 1.0, -1.0, 1.0)
 
 
-def end_is_near(env: Any) -> bool:
-    """Whether the ego's lane ends within half a vehicle and no lane goes on from there."""
-    ego = env.vehicle
-    return bool(ego.lane.after_end(ego.position)) and not list(continuations(env.road.network, ego.lane_index))
-
-
-def continuations(network: Any, index: tuple[str, str, int], tolerance: float = 1.5) -> list[tuple[str, str, int]]:
-    """Indices of the lanes that go on where lane `index` ends: same node, nearby start and similar heading.
-
-    Args: tolerance, m between the end of the one and the start of the other (and, in rad, half of it in heading).
-    """
-    lane = network.get_lane(index)
-    end, heading = lane.position(lane.length, 0.0), lane.heading_at(lane.length)
-    found = []
-    for target, lanes in network.graph.get(index[1], {}).items():
-        for number, other in enumerate(lanes):
-            gap = np.linalg.norm(other.position(0.0, 0.0) - end)
-            turn = abs((other.heading_at(0.0) - heading + np.pi) % (2 * np.pi) - np.pi)
-            if gap <= tolerance and turn <= tolerance / 2:
-                found.append((index[1], target, number))
-    return found
-
-
 def make_idm(env: Any, change_lanes: bool = True) -> None:
     """Put highway-env's IDM and MOBIL vehicle in the place and state of the ego; the other traffic stays as it is.
 

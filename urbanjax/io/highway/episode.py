@@ -6,7 +6,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from urbanjax.io.highway.environment import EGO_COLOUR, FREQUENCY, end_is_near
+from urbanjax.io.highway.environment import EGO_COLOUR, FREQUENCY
+from urbanjax.io.highway.network import continuations
 
 
 @runtime_checkable
@@ -94,7 +95,7 @@ def drive(
         _, _, terminated, _, _ = env.step(driver.act(env))
         rows.append(_row(env, step))
         tick(step)
-        ended = end_is_near(env) or (terminated and not env.vehicle.crashed and env.vehicle.on_road)
+        ended = _road_ends(env) or (terminated and not env.vehicle.crashed and env.vehicle.on_road)
         if terminated or ended:
             break
     columns = [np.asarray(column) for column in zip(*rows, strict=True)]
@@ -109,3 +110,9 @@ def _row(env: Any, step: int) -> tuple:
     position = ego.position * np.array([1.0, -1.0])
     state = position, -float(ego.heading), float(ego.speed), bool(ego.on_road)
     return step / FREQUENCY, *state, np.reshape(others, (-1, 6))
+
+
+def _road_ends(env: Any) -> bool:
+    """Whether the ego's lane ends within half a vehicle and no lane goes on from there."""
+    ego = env.vehicle
+    return bool(ego.lane.after_end(ego.position)) and not any(continuations(env.road.network, ego.lane_index))

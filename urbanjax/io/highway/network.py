@@ -55,7 +55,7 @@ def read_network(
     for index, lane in lanes.items():
         if not (np.isfinite(lane.length) and lane.length > 0):
             raise RoadError(f"highway-env lane {index}: length {lane.length} is not a positive number")
-    parts = {index: _part(network, index, lanes) for index in lanes}
+    parts = {index: _part(network, index) for index in lanes}
     pieces = {index: _pieces(network, index, max_link) for index in lanes}
     specs = [
         spec for index, part in parts.items() for spec in _specs(network, index, part, pieces, parts, respect_lines)
@@ -79,22 +79,26 @@ def _bucket(size: int, buckets: tuple[int, ...]) -> int:
     return next((bucket for bucket in buckets if bucket >= size), size)
 
 
-def _part(network: Any, index: tuple[str, str, int], lanes: dict) -> _Part:
-    lane = lanes[index]
-    direct, bridges = [], []
+def continuations(network: Any, index: tuple[str, str, int]) -> tuple[list[tuple], list[tuple]]:
+    """Lanes that go on where lane `index` ends: those that begin there, and those that begin beyond a hole."""
+    lane, direct, bridges = network.get_lane(index), [], []
     for node, following in network.graph.get(index[1], {}).items():
-        targets = [(index[1], node, i) for i in range(len(following))]
-        places = {target: _beyond(lane, lanes[target]) for target in targets}
+        targets = {(index[1], node, i): other for i, other in enumerate(following)}
+        places = {target: _beyond(lane, other) for target, other in targets.items()}
         meeting = [target for target, (_, _, gap, turn) in places.items() if gap <= JOIN and turn < 0.75]
-        reachable = {
-            t: gap for t, (ahead, _, gap, turn) in places.items() if ahead > 0 and gap <= BRIDGE and turn < 1.2
-        }
+        reachable = [t for t, (away, _, gap, turn) in places.items() if away > 0 and gap <= BRIDGE and turn < 1.2]
         direct += meeting
         if not meeting and reachable:
-            bridges.append(min(reachable, key=lambda target: _bend(_cubic(lane, lanes[target]))))
+            bridges.append(min(reachable, key=lambda target: _bend(_cubic(lane, network.get_lane(target)))))
+    return direct, bridges
+
+
+def _part(network: Any, index: tuple[str, str, int]) -> _Part:
+    lane = network.get_lane(index)
+    direct, bridges = continuations(network, index)
     if not direct:
         return _Part(lane, lane.length, 0.0, (), tuple(bridges))
-    ahead, aside, *_ = _beyond(lane, lanes[direct[0]])
+    ahead, aside, *_ = _beyond(lane, network.get_lane(direct[0]))
     return _Part(lane, lane.length + ahead, aside, tuple(direct), tuple(bridges))
 
 

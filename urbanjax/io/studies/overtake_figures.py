@@ -12,6 +12,8 @@ from urbanjax.io.studies.overtake import Fig10
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.scenarios.overtake import LEADER
 
+VARIANTS = ((GOOD, "o-", "with TTC clamp"), (BAD, "o--", "without"))
+
 
 def exemplar(study: Fig10) -> int:
     """The start to look at: with a free lane and the speed drop at tau = 0 nearest to the mean of those."""
@@ -52,19 +54,19 @@ def _trajectories(axes: Any, study: Fig10, start: int, colours: list) -> None:
     marks = np.searchsorted(study.time, np.arange(0.0, study.time[-1] + 1e-6, 2.0) - 1e-6)
     axes.plot(-leader[:, 1], leader[:, 0] - origin, color=OTHER, lw=1.2, label="front vehicle")
     axes.plot(-leader[marks, 1], leader[marks, 0] - origin, "s", color=OTHER, ms=6)
-    for i, tau in enumerate(study.taus):
+    for i in range(len(study.taus)):
         track = study.ego[i, 0, start]
-        axes.plot(-track[:, 1], track[:, 0] - origin, color=colours[i], label=rf"ego, $\tau$ = {tau:g}")
+        axes.plot(-track[:, 1], track[:, 0] - origin, color=colours[i])
         axes.plot(-track[marks, 1], track[marks, 0] - origin, "o", color=colours[i], ms=3.5)
     axes.grid(axis="x", visible=False)
     axes.set(
         title="Trajectories, a mark every 2 s",
         xlabel="across the road [m], left is left",
         ylabel="along the road [m]",
-        xlim=(-edges[1] - 2.0, -edges[0] + 2.0),
+        xlim=(-edges[1] - 0.7, -edges[0] + 0.7),
         ylim=(-10, reach + 10),
     )
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.0))
+    axes.legend(loc="upper left")
 
 
 def draw_means(study: Fig10, path: Path) -> None:
@@ -76,14 +78,16 @@ def draw_means(study: Fig10, path: Path) -> None:
             (axes[0], study.progress, "Terminal progress", "m"),
             (axes[1], study.drop, "Speed drop", "m/s"),
         ):
-            for k, (colour, label) in enumerate(((GOOD, "with TTC clamp"), (BAD, "without"))):
+            for k, (colour, style, label) in enumerate(VARIANTS):
                 low, high = np.quantile(values[:, k], (0.1, 0.9), axis=-1)
                 axis.fill_between(positions, low, high, color=colour, alpha=0.12, lw=0)
-                axis.plot(positions, values[:, k].mean(-1), "o-", color=colour, ms=4, label=label)
+                axis.plot(positions, values[:, k].mean(-1), style, color=colour, ms=4, label=label)
             axis.set(title=f"{title} (mean, 10-90 %)", ylabel=unit)
-        for k, (colour, label) in enumerate(((GOOD, "with TTC clamp"), (BAD, "without"))):
+        for k, (colour, _, label) in enumerate(VARIANTS):
             axes[2].bar(positions + 0.36 * k - 0.18, study.collided[:, k].sum(-1), 0.34, color=colour, label=label)
         axes[2].set(title=f"Collisions in {study.crowded.size} starts", ylim=(0, max(study.collided.sum(-1).max(), 1)))
+        if not study.collided.any():
+            axes[2].text(0.5, 0.5, "none", transform=axes[2].transAxes, ha="center", color=OTHER)
         axes[2].yaxis.get_major_locator().set_params(integer=True)
         for axis in axes:
             axis.set_xticks(positions, [f"{tau:g}" for tau in study.taus])
