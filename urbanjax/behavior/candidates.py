@@ -38,8 +38,11 @@ def connect(
     length = jnp.maximum(params.duration * state.speed, params.min_length)
     lane_slope = jnp.asarray(jnp.gradient(lane, station[1] - station[0]))
     slope = jnp.tan(jnp.clip(start.heading_error, -1.0, 1.0)) - lane_slope[0]
-    zero = jnp.zeros_like(slope)
-    blend = polynomial.quintic((start.offset - lane[0], slope, zero), (zero, zero, zero), length)
+    zero, away = jnp.zeros_like(slope), start.offset - lane[0]
+    # The path is planned anew at each step, so only its first metres are driven: the bend of the cubic that joins the
+    # lane makes them a damped return (ratio 0.8), where a bend of zero would make them drift past the lane.
+    bend = -(6 * away / length + 4 * slope) / length
+    blend = polynomial.quintic((away, slope, bend), (zero, zero, zero), length)
     deviation, first, second = polynomial.evaluate(blend, jnp.clip(station - station[0], 0, length))
     offset = lane + deviation
     heading, curvature = frenet.offset_curve(road.heading, road.curvature, offset, lane_slope + first, second)
