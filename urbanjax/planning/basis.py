@@ -14,13 +14,21 @@ def hat(
     Outside the grid the end value holds, or past its end the last slope if `extrapolate`.
     """
     u = (query - start) / spacing
-    inside = jnp.clip(u, 0, count - 1)
-    index = jnp.arange(count).astype(query.dtype)
-    weights = jnp.maximum(1 - jnp.abs(inside[:, None] - index[None, :]), 0)
+    inside = _within(u, count - 1)
+    cell = jnp.clip(jnp.floor(inside), 0, count - 2)[:, None]
+    fraction = inside[:, None] - cell
+    index = jnp.arange(count).astype(query.dtype)[None, :]
+    # Told by the cell and not as max(0, 1 - |u - index|): there on a grid point the derivatives would not add up to 0.
+    weights = jnp.where(index == cell, 1 - fraction, jnp.where(index == cell + 1, fraction, 0))
     if not extrapolate:
         return weights
     last = jnp.zeros(count, query.dtype).at[-2:].set(jnp.array([-1, 1], query.dtype))
     return weights + jnp.maximum(u - (count - 1), 0)[:, None] * last[None, :]
+
+
+def _within(u: Array, high: int) -> Array:
+    """The values held within [0, high], with derivative 1 at both ends (where `clip` has a half)."""
+    return jnp.where(u < 0, 0, jnp.where(u > high, high, u))
 
 
 def interpolate(
@@ -45,7 +53,7 @@ def smooth(
     """
     count = values.shape[0]
     control = jnp.concatenate([2 * values[:1] - values[1:2], values, values[-1:], values[-1:]])
-    u = jnp.clip((query - start) / spacing, 0, count)
+    u = _within((query - start) / spacing, count)
     x = u[:, None] + 1 - jnp.arange(count + 3).astype(query.dtype)[None, :]
     r = jnp.abs(x)
     outer = jnp.maximum(2 - r, 0)

@@ -20,6 +20,7 @@ MACRO_TERMS = (
     "curvature",
     "transition",
     "route",
+    "centre",
     "lane_change",
     "oncoming",
     "line",
