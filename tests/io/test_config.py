@@ -42,7 +42,7 @@ def params_classes():
     found = {}
     for module in pkgutil.walk_packages(urbanjax.__path__, "urbanjax."):
         for name, cls in inspect.getmembers(importlib.import_module(module.name), inspect.isclass):
-            if cls.__module__ == module.name and dataclasses.is_dataclass(cls) and name.endswith("Params"):
+            if cls.__module__ == module.name and dataclasses.is_dataclass(cls) and name.endswith(("Params", "Study")):
                 found[f"{module.name}.{name}"] = cls
     return found
 

@@ -8,6 +8,7 @@ import numpy as np
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, Turn
+from urbanjax.roadmap.padding import pad
 from urbanjax.types import RoadError
 
 LaneKey = tuple[str, str, int, int]  # from node, to node, lane id, piece
@@ -18,7 +19,7 @@ BRIDGE = 12.0  # m, longest hole in a road that is bridged by a link of its own
 STRIP = 0.05  # m of no road between two lanes that a change may cross
 BLEND = 10.0  # m, over which the end of a lane is led onto its successor
 SPACING = 1.5  # m, between the points of a curved lane
-LINKS, POINTS, RELATIONS = (24, 48, 96, 192), (32, 64, 128), (4, 8, 16)  # sizes that networks are padded to
+LINKS, POINTS, RELATIONS = (24, 48, 96, 192), (64, 128), (4, 8, 16)  # sizes that networks are padded to
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,12 +67,8 @@ def read_network(
         n_points = _bucket(n_points, POINTS) if buckets else n_points
     graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN)
     if buckets:
-        sizes = {
-            "n_links": _bucket(len(specs), LINKS),
-            "n_successors": _bucket(graph.successor.shape[1], RELATIONS),
-            "n_relations": _bucket(graph.opposite.shape[1], RELATIONS),
-        }
-        graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN, **sizes)
+        relations = _bucket(graph.opposite.shape[1], RELATIONS)
+        graph = pad(graph, _bucket(len(specs), LINKS), _bucket(graph.successor.shape[1], RELATIONS), relations)
     return graph, tuple(spec.key for spec in specs)
 
 

@@ -83,7 +83,12 @@ _cost_to_go = jax.jit(cost_to_go, static_argnames="changes")
 
 @functools.partial(jax.jit, static_argnames="laps")
 def _course(
-    graph: RoadGraph, start: int, goal: int, laps: int, search: RouteParams, params: ExtendParams
+    graph: RoadGraph,
+    start: int | jax.Array,
+    goal: int | jax.Array,
+    laps: int,
+    search: RouteParams,
+    params: ExtendParams,
 ) -> tuple[Course, jax.Array]:
     route = plan_route(graph, start, goal, laps=laps, params=search)
     return Course(graph, extend(graph, route, params)), jnp.asarray(route.status)

@@ -14,7 +14,7 @@ from urbanjax.io.highway.measure import time_to_collision
 from urbanjax.stack import StackParams
 from urbanjax.types import pytree, static
 
-STACK, IDM = "urbanjax", "IDM"
+STACK, IDM = "stack", "IDM"
 
 
 @pytree
@@ -88,16 +88,16 @@ def table(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
             "off the road": sum(chosen["off_road"]),
             "mean speed [m/s]": float(np.mean(chosen["mean_speed_mps"])),
             "least TTC [s]": min(chosen["least_ttc_s"]),
-            "median of least TTC [s]": float(np.median(chosen["least_ttc_s"])),
-            "step, median [ms]": float(np.median(step)) if step else None,
+            "median TTC [s]": float(np.median(chosen["least_ttc_s"])),
+            "step [ms]": float(np.median(step)) if step else None,
         }.items():
             out.setdefault(heading, []).append(value)
     return out
 
 
-def summary(rows: dict[str, list[Any]]) -> dict[str, float | None]:
+def summary(rows: dict[str, list[Any]]) -> dict[str, Any]:
     """Flat numbers of the study."""
-    out: dict[str, float | None] = {}
+    out: dict[str, Any] = {}
     columns = table(rows)
     names = {
         "drives": "drives",
@@ -105,7 +105,7 @@ def summary(rows: dict[str, list[Any]]) -> dict[str, float | None]:
         "off the road": "off_road",
         "mean speed [m/s]": "mean_speed_mps",
         "least TTC [s]": "least_ttc_s",
-        "step, median [ms]": "step_median_ms",
+        "step [ms]": "step_median_ms",
     }
     for i, (env, who) in enumerate(zip(columns["environment"], columns["driver"], strict=True)):
         for heading, name in names.items():
@@ -150,7 +150,7 @@ def draw(rows: dict[str, list[Any]], path: Path) -> None:
             for x, y, crashed in pairs:
                 axis.plot(x, y, "x" if crashed else "o", color=BAD if crashed else GOOD, ms=5, alpha=0.8)
             axis.set(title=env, xlabel="IDM [m/s]", xlim=(low, high), ylim=(low, high), aspect="equal")
-        canvas.axes[0].set_ylabel("urbanjax [m/s]")
+        canvas.axes[0].set_ylabel("our stack [m/s]")
 
 
 def _pairs(rows: dict[str, list[Any]], env: str) -> list[tuple[float, float, bool]]:

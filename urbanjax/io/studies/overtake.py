@@ -175,10 +175,10 @@ def by_tau(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
     return {"": names, **{f"tau {tau:g}": [rows[name][i] for name in names] for i, tau in enumerate(rows["tau"])}}
 
 
-def summary(study: Fig10) -> dict[str, float | None]:
+def summary(study: Fig10) -> dict[str, Any]:
     """Flat numbers of the study: name with tau and unit."""
     free = ~study.crowded
-    out: dict[str, float | None] = {"starts": study.crowded.size, "starts_lane_free": int(free.sum())}
+    out: dict[str, Any] = {"starts": study.crowded.size, "starts_lane_free": int(free.sum())}
     for i, tau in enumerate(study.taus):
         for k, variant in enumerate(("", "_no_clamp")):
             name = f"tau_{tau:g}{variant}"
