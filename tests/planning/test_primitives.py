@@ -146,3 +146,15 @@ def test_below_the_low_speed_the_offset_is_a_quintic_of_station(planner, scenes)
     assert fan.end.slope[j] == fan.end.bend[j] == 0
     expected = start + (end - start) * u**3 * (10 - 15 * u + 6 * u**2)
     np.testing.assert_allclose(np.asarray(fan.offset[j])[inside], expected[inside], atol=1e-4)
+
+
+def test_splines_through_the_points_agree_with_the_quintics(planner, scenes, params):
+    window = scenes.road(**CURVED)
+    ego, cars = scenes.ego(window, offset=0.3, speed=8.0, steering=0.03), scenes.traffic(window, [])
+    smooth = params.replace(primitives=params.primitives.replace(resampling="spline", path_horizon=4.0))
+    exact = params.replace(primitives=params.primitives.replace(path_horizon=4.0))
+    (_, a, near), (_, b, _) = planner(window, ego, cars, exact), planner(window, ego, cars, smooth)
+    np.testing.assert_array_equal(a.position, b.position)
+    j = near.chosen
+    np.testing.assert_allclose(a.heading[j], b.heading[j], atol=2e-3)
+    np.testing.assert_allclose(a.curvature[j], b.curvature[j], atol=2e-3)

@@ -9,6 +9,7 @@ from urbanjax.planning import shape
 from urbanjax.planning.corridor import Corridor, corridor
 from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
 from urbanjax.planning.quintic import EndState, Lateral, planar, stationwise
+from urbanjax.planning.resample import arc_length_splines
 from urbanjax.roadmap.extended import ExtendedGraph, Progress
 from urbanjax.types import VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
@@ -31,6 +32,7 @@ class PrimitiveParams:
     min_spacing: float = 1.0  # m, of the grid
     max_spacing: float = 3.0  # m
     n_points: int = static(default=41)
+    resampling: str = static(default="exact")  # or "spline": heading and curvature of splines through the points
 
 
 @pytree
@@ -63,7 +65,9 @@ def generate(
 
     Each is a quintic to its end state beside the macro plan (Eq. 16-18), and from there on the macro plan, to which the
     lateral difference decays; so all reach over the same stations and compare fairly. Below `low_speed`, where x(t)
-    and y(t) degenerate, the lateral offset as a quintic of station takes over.
+    and y(t) degenerate, the lateral offset as a quintic of station takes over. On the grid, heading and curvature are
+    those of the quintics themselves; with `resampling` "spline", of C2 splines over arc length through the points
+    (Eq. 19-21), whose curvature differs by less than 0.002 1/m where it is moderate.
     """
     spacing = state.speed * params.path_horizon / (params.n_points - 1)
     spacing = jnp.clip(spacing, params.min_spacing, params.max_spacing)
@@ -89,10 +93,13 @@ def generate(
         road.heading[None, :], road.curvature[None, :], lateral.offset, lateral.slope, lateral.bend
     )
     left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
+    position = road.position[None] + lateral.offset[..., None] * left[None]
+    if params.resampling == "spline":
+        heading, kappa = arc_length_splines(position, heading)
     return Fan(
         station=road.station,
         offset=lateral.offset,
-        position=road.position[None] + lateral.offset[..., None] * left[None],
+        position=position,
         heading=heading,
         curvature=kappa,
         time=lateral.time,
