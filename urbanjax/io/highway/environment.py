@@ -37,7 +37,7 @@ def open_environment(name: str, **config: Any) -> Any:
         "speed_range": SPEED,
     }
     defaults = {
-        "observation": {"type": "Kinematics", "vehicles_count": 1},
+        "observation": {"type": "AttributesObservation", "attributes": ["time"]},  # ours is read from the road
         "action": action,
         "simulation_frequency": FREQUENCY,
         "policy_frequency": FREQUENCY,
