@@ -9,9 +9,8 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.roadmap.builders import two_way
-from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import ExtendParams, WindowParams, extend
-from urbanjax.roadmap.route import route_between
+from urbanjax.roadmap.course import Course, course_between
+from urbanjax.roadmap.extended import WindowParams
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.rollout import LoopParams
@@ -61,5 +60,4 @@ def oncoming_scene(params: LoopParams) -> tuple[Course, Lanes, WorldState]:
 
 def course_along(graph, link: int) -> Course:
     """The course along one link."""
-    route = route_between(graph, link, link)
-    return Course(graph, extend(graph, route, ExtendParams(n_stations=512)))
+    return course_between(graph, link, link)

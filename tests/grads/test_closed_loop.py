@@ -27,6 +27,11 @@ def score_of(stack_params, params, course, lanes, start):
     return scores.score(log, params.sim.vehicle, scores.ScoreParams(), params.stack.relaxation)
 
 
+def overtaking(params):
+    course, lanes, starts = overtake_scene(params, 1, seed=2)
+    return course, lanes, jax.tree.map(lambda x: x[0], starts)
+
+
 @pytest.fixture(scope="module")
 def differentiated():
     """Parameter names, the gradient and central differences in each scene; shape [scenes, parameters]."""
@@ -40,16 +45,16 @@ def differentiated():
             stack = jax.tree.unflatten(structure, list(vector))
             return score_of(stack, params, course, lanes, start)
 
-        gradient_of = jax.jit(jax.grad(along))
-        both_sides = jax.jit(jax.vmap(along, in_axes=(0, None, None, None)))
+        # Forward mode, and no optimisation: each is compiled once and run a few times, so compiling is what costs.
+        quick = {"xla_backend_optimization_level": 0}
+        gradient_of = jax.jit(jax.jacfwd(along), compiler_options=quick)
+
+        def each(vectors, *scene):
+            return jax.lax.map(lambda vector: along(vector, *scene), vectors, batch_size=32)
+
+        both_sides = jax.jit(each, compiler_options=quick)
         gradients, differences = [], []
-        for course, lanes, start in (
-            jax.tree.map(lambda x: x, overtake_scene(params, 1, seed=2)),
-            oncoming_scene(params),
-        ):
-            start = jax.tree.map(lambda x: x[0], start) if start.ego.speed.ndim else start
-            start = as_arrays(start)
-            course, lanes = as_arrays(course), as_arrays(lanes)
+        for course, lanes, start in map(as_arrays, (overtaking(params), oncoming_scene(params))):
             gradients.append(np.asarray(gradient_of(jnp.asarray(sizes), course, lanes, start)))
             moved = np.concatenate([sizes + np.diag(steps), sizes - np.diag(steps)])
             values = np.asarray(both_sides(jnp.asarray(moved), course, lanes, start))
@@ -77,3 +82,14 @@ def test_the_score_depends_on_what_tuning_would_tune(differentiated):
     wanted += ["behavior.gvp.tau", "behavior.headway.time_headway", "control.lateral.gain", "control.lateral.minimum"]
     silent = [name for name in wanted if not strongest[name] > 1e-12]
     assert not silent, silent
+
+
+@pytest.mark.slow
+def test_reverse_mode_equals_forward_mode(differentiated):
+    _, forward, _ = differentiated
+    with jax.enable_x64(True):
+        params = as_arrays(loop_params("soft", TEMPERATURE))
+        scene = as_arrays(oncoming_scene(params))
+        reverse = jax.jit(jax.grad(score_of), compiler_options={"xla_backend_optimization_level": 0})
+        gradient = reverse(params.stack, params, *scene)
+        np.testing.assert_allclose(np.array(jax.tree.leaves(gradient)), forward[1], rtol=1e-6, atol=1e-9)

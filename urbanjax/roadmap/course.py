@@ -1,8 +1,11 @@
 """What a mission is driven on: the map and the route through it."""
 
-from urbanjax.roadmap.extended import ExtendedGraph
+import jax
+
+from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, extend, sized
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.types import pytree
+from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.types import as_arrays, pytree
 
 
 @pytree
@@ -11,3 +14,25 @@ class Course:
 
     graph: RoadGraph
     extended: ExtendedGraph
+
+
+def course_between(
+    graph: RoadGraph,
+    start: int,
+    goal: int,
+    via: tuple[int, ...] = (),
+    laps: int = 1,
+    route: RouteParams | None = None,
+    extended: ExtendParams | None = None,
+) -> Course:
+    """The course along the cheapest route from link `start` to link `goal`, for a caller outside jit.
+
+    Raises RouteError, naming the links, where there is no route. Args: extended, how the route is made into an extended
+    graph; its sizes are enlarged to hold the whole route.
+    """
+    found = route_between(graph, start, goal, via, laps, route)
+    params = as_arrays(sized(graph, found, extended or ExtendParams()))
+    return Course(graph, _extend(graph, found, params))
+
+
+_extend = jax.jit(extend)

@@ -74,5 +74,6 @@ def rollout(
         return (following, after), (entry, keep(info))
 
     first = stack.init(params.stack, course, start.ego.pose)
-    _, kept = jax.lax.scan(body, (first, start), length=n_steps)
+    # The backward pass recomputes each step from its start: memory grows with the state alone, not with the plans.
+    _, kept = jax.lax.scan(jax.checkpoint(body, prevent_cse=False), (first, start), length=n_steps)
     return kept

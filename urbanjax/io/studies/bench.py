@@ -10,9 +10,8 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
-from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import ExtendParams, extend, sized
-from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.roadmap.course import Course, course_between
+from urbanjax.roadmap.extended import ExtendParams
 from urbanjax.sim import agents, metrics
 from urbanjax.sim import lanes as tables
 from urbanjax.sim import world as worlds
@@ -55,9 +54,7 @@ def scene(study: BenchStudy) -> tuple[Course, Lanes, Scenario]:
     keys = jax.random.split(jax.random.key(study.seed), count)
     starts = jax.vmap(lambda key: circulate.sample(key, scenario, sim, lanes))(keys)
     start, goal = int(starts.start_link[0]), int(starts.goal_link[0])
-    route = route_between(graph, start, goal, params=RouteParams())
-    course = Course(graph, extend(graph, route, as_arrays(sized(graph, route, study.extend))))
-    return course, lanes, starts
+    return course_between(graph, start, goal, extended=study.extend), lanes, starts
 
 
 def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, float]:

@@ -9,9 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import ExtendParams, extend, sized
-from urbanjax.roadmap.route import RouteParams, route_between
+from urbanjax.roadmap.course import Course, course_between
+from urbanjax.roadmap.extended import ExtendParams
 from urbanjax.sim import lanes as tables
 from urbanjax.sim import metrics
 from urbanjax.sim.lanes import Lanes
@@ -49,8 +48,7 @@ class OvertakeStudy:
 def scene(study: OvertakeStudy) -> tuple[Course, Lanes, Scenario]:
     """The course, the simulator's tables of its road, and S starts stacked along the first axis."""
     graph = overtake.road(study.scenario)
-    route = route_between(graph, RIGHT, RIGHT, params=RouteParams())
-    course = Course(graph, jax.jit(extend)(graph, route, as_arrays(sized(graph, route, study.extend))))
+    course = course_between(graph, RIGHT, RIGHT, extended=study.extend)
     keys = jax.random.split(jax.random.key(study.seed), study.starts)
     scenario, sim = as_arrays((study.scenario, study.sim))
     starts = jax.jit(jax.vmap(overtake.sample, in_axes=(0, None, None)))(keys, scenario, sim)
