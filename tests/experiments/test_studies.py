@@ -155,3 +155,8 @@ def test_a_key_of_the_stack_is_named_with_its_nearest():
         config.to_params(overtake.OvertakeStudy, {"stack": {"behavor": {"tau": 1.0}}})
     tree = config.schema(overtake.OvertakeStudy)
     assert "stack.behavior.gvp.tau" in config.nearest("stack.behavor.tau", config.keys(tree))
+
+
+def test_pictures_can_be_left_out():
+    assert config.to_params(highway.HighwayStudy, {"gif_every": 0}).gif_every == 0
+    assert config.to_params(overtake.OvertakeStudy, {"gif_every": 0}).gif_every == 0

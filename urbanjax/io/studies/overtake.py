@@ -42,7 +42,7 @@ class OvertakeStudy:
     duration: float = static(default=20.0)  # s
     starts: int = static(default=64)
     seed: int = static(default=0)
-    gif_every: int = static(default=2)  # steps between the pictures, 0 for none
+    gif_every: int = static(default=2, metadata={"range": (0, 1000)})  # steps between the pictures, 0 for none
 
 
 def scene(study: OvertakeStudy) -> tuple[Course, Lanes, Scenario]:
