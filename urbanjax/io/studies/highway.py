@@ -28,7 +28,7 @@ class HighwayStudy:
     seeds: int = static(default=20)  # drives per environment and driver
     seed: int = static(default=0)  # the first one
     duration: float = static(default=40.0)  # s, or the end of the road
-    gif_every: int = static(default=5, metadata={"range": (0, 1000)})  # steps between the pictures of the first drive, 0 for none
+    gif_every: int = static(default=5, metadata={"range": (0, 1000)})  # steps between pictures; 0: none
 
 
 def drives(study: HighwayStudy, tick: Any = lambda label, share: None) -> Iterator[Episode]:
