@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 PYTHON ?= python3.11 python3 python3.12 python3.13
 DEMO ?= experiments.demo
-BENCH ?= experiments.bench
+BENCH ?= experiments.benchmark
 DEMO_ARGS ?=
 BENCH_ARGS ?=
 TEST_ARGS ?=

@@ -1,21 +1,21 @@
-"""Speed of stack and simulator on this machine: `python -m experiments.bench` (`make bench`)."""
+"""Speed of stack and simulator on this machine: `python -m experiments.benchmark` (`make bench`)."""
 
 import json
 
 from urbanjax.io import cli, progress
 from urbanjax.io.runs import Run
-from urbanjax.io.studies import bench
-from urbanjax.io.studies.bench import BenchStudy
+from urbanjax.io.studies import benchmark
+from urbanjax.io.studies.benchmark import BenchStudy
 
 
-@cli.experiment("bench", BenchStudy)
+@cli.experiment("benchmark", BenchStudy)
 def main(params: BenchStudy, run: Run) -> None:
     """Time it, print the table with versions and hardware, write the numbers."""
     with progress.bar("benchmark") as tick:
-        numbers = bench.measure(params, tick)
+        numbers = benchmark.measure(params, tick)
     run.summary(numbers)
-    columns = bench.table(numbers, params.batches)
-    run.table("bench", columns)
+    columns = benchmark.table(numbers, params.batches)
+    run.table("benchmark", columns)
     progress.show_table("benchmark", columns)
     facts = run.manifest()
     print(json.dumps({"device": facts["device"], "versions": facts["versions"]}))
