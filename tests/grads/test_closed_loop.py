@@ -10,6 +10,8 @@ from urbanjax.sim import scores
 from urbanjax.sim.rollout import rollout
 from urbanjax.types import as_arrays
 
+pytestmark = pytest.mark.slow  # minutes of compiling
+
 N_STEPS = 20
 TEMPERATURE = 0.3
 STEP = 1e-5  # relative to the parameter's size, at least 1e-5
@@ -47,11 +49,17 @@ def differentiated():
 
         # Forward mode, and no optimisation: each is compiled once and run a few times, so compiling is what costs.
         quick = {"xla_backend_optimization_level": 0}
-        gradient_of = jax.jit(jax.jacfwd(along), compiler_options=quick)
+
+        def slopes(vector, *scene):
+            def slope(direction):
+                return jax.jvp(lambda v: along(v, *scene), (vector,), (direction,))[1]
+
+            return jax.lax.map(slope, jnp.eye(vector.shape[0]))
 
         def each(vectors, *scene):
-            return jax.lax.map(lambda vector: along(vector, *scene), vectors, batch_size=32)
+            return jax.lax.map(lambda vector: along(vector, *scene), vectors)
 
+        gradient_of = jax.jit(slopes, compiler_options=quick)
         both_sides = jax.jit(each, compiler_options=quick)
         gradients, differences = [], []
         for course, lanes, start in map(as_arrays, (overtaking(params), oncoming_scene(params))):
@@ -84,7 +92,6 @@ def test_the_score_depends_on_what_tuning_would_tune(differentiated):
     assert not silent, silent
 
 
-@pytest.mark.slow
 def test_reverse_mode_equals_forward_mode(differentiated):
     _, forward, _ = differentiated
     with jax.enable_x64(True):
