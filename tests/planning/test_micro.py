@@ -71,8 +71,25 @@ def test_reasons_are_the_limits_that_are_broken(planner, scenes, params):
     np.testing.assert_array_equal(reason(plan, "lateral_acceleration"), across > 0.5)
     assert reason(plan, "lateral_acceleration").any()
     assert not reason(plan, "curvature").any()
-    _, fan, plan = planner(window, scenes.ego(window, speed=10.0, steering=0.6), scenes.traffic(window, []))
-    assert reason(plan, "curvature").all()
+
+
+def test_curvature_beyond_the_steering_is_a_reason(planner, scenes, params):
+    window = scenes.road()
+    short = params.primitives.replace(offsets=(-1.5, 0.0, 1.5), durations=(0.5, 4.0), min_length=3.0)
+    _, fan, plan = planner(
+        window, scenes.ego(window, speed=1.0), scenes.traffic(window, []), params.replace(primitives=short)
+    )
+    sharp = np.abs(fan.curvature).max(axis=1) > 0.95 * np.tan(0.6) / 2.8
+    assert sharp.any()
+    assert not sharp.all()
+    np.testing.assert_array_equal(reason(plan, "curvature"), sharp)
+
+
+def test_what_the_vehicle_already_does_is_no_reason(planner, scenes):
+    window = scenes.road()
+    _, fan, plan = planner(window, scenes.ego(window, speed=10.0, steering=0.14), scenes.traffic(window, []))
+    assert np.all(fan.speed[:, 0] ** 2 * fan.curvature[:, 0] > 4)
+    assert plan.feasible == 1
 
 
 def test_an_oncoming_lane_is_road_only_where_it_may_be_entered(planner, scenes):

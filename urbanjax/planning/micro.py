@@ -52,6 +52,7 @@ class MicroParams:
     collision_horizon: float = 5.0  # s, a collision farther ahead is not one yet
     horizon_fade: float = 1.0  # s, over which obstacles fade out after it
     max_lateral_acceleration: float = 4.0  # m/s^2
+    settle: float = 1.0  # s, for which a limit that the vehicle already exceeds does not count; then this fades as long
     steering_share: float = 0.95  # of the largest curvature that steering can follow
     edge_tolerance: float = 0.1  # m, by which the footprint may leave the road
     recovery: float = 3.0  # s, for which a vehicle that is off the road may still be so; then this fades as long
@@ -177,17 +178,23 @@ def limit_margins(
 ) -> tuple[Float[Array, "j"], ...]:
     """How far each candidate [J] stays within each limit of REASONS, negative where it breaks it."""
     steering = params.steering_share * jnp.tan(jnp.asarray(vehicle.max_steering, room.dtype)) / vehicle.wheelbase
-    sharp = jnp.max(jnp.abs(fan.curvature), axis=1)
-    across = jnp.max(fan.speed**2 * jnp.abs(fan.curvature), axis=1)
+    sharp = jnp.abs(fan.curvature)
+    across = fan.speed**2 * sharp
     soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
     start = outside[:, :1] + params.recovery_slack * jnp.clip(outside[:, :1] / params.edge_tolerance, 0, 1)
-    excused = start * jnp.clip(2 - fan.time / params.recovery, 0, 1)
+
+    def left(values: Array, limit: float | Array, start: Array, duration: float | Array) -> Array:
+        """What is left up to a limit; no candidate can help what the vehicle does at the start."""
+        return limit - jnp.max(values - start * jnp.clip(2 - fan.time / duration, 0, 1), axis=1)
+
+    too_sharp = jnp.maximum(sharp[:, :1] - steering, 0)
+    too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
     return (
-        steering - sharp,
-        params.max_lateral_acceleration - across,
+        left(sharp, steering, too_sharp, params.settle),
+        left(across, params.max_lateral_acceleration, too_fast, params.settle),
         jnp.min(soon, axis=1),
-        params.edge_tolerance - jnp.max(outside - excused, axis=1),
+        left(outside, params.edge_tolerance, start, params.recovery),
     )
 
 
