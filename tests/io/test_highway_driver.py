@@ -4,13 +4,12 @@ import jax
 import numpy as np
 import pytest
 
-from urbanjax.io.highway.driver import CAR, DriverParams, StackDriver
+from urbanjax.io.highway.driver import HIGHWAY_STACK, DriverParams, StackDriver
 from urbanjax.io.highway.environment import open_environment
 from urbanjax.io.highway.episode import drive
 from urbanjax.io.highway.network import read_network
 from urbanjax.io.highway.route import Destination, ahead, course_to, shared_ground
 from urbanjax.roadmap.extended import ExtendParams
-from urbanjax.stack import StackParams
 from urbanjax.types import RouteError, as_arrays
 
 
@@ -21,7 +20,7 @@ def environments():
 
 @pytest.fixture(scope="module")
 def driver():
-    return StackDriver(StackParams(vehicle=CAR), DriverParams())
+    return StackDriver(HIGHWAY_STACK, DriverParams())
 
 
 def test_observation_is_the_rear_axle_and_the_nearest_vehicles_with_y_up(environments, driver):

@@ -9,6 +9,8 @@ import jaxlie
 import numpy as np
 
 from urbanjax import stack
+from urbanjax.control.drive import ControlParams
+from urbanjax.control.longitudinal import LongitudinalParams
 from urbanjax.io.highway.environment import FREQUENCY, action_of
 from urbanjax.io.highway.network import read_network
 from urbanjax.io.highway.route import ahead, course_to, shared_ground
@@ -28,6 +30,10 @@ CAR = VehicleParams(
     max_steering=0.6,
 )  # highway-env turns about a point half a length behind the centre
 
+# Traffic there brakes at up to 9 m/s^2 and shows no lights: comfort ends where the brakes do.
+BRAKES = LongitudinalParams(comfort_deceleration=6.0)
+HIGHWAY_STACK = StackParams(vehicle=CAR, control=ControlParams(longitudinal=BRAKES))
+
 
 @pytree
 class DriverParams:
@@ -46,7 +52,7 @@ class StackDriver:
     """Drives the ego of a highway-env environment; one compiled step for all networks of one size bucket."""
 
     def __init__(self, stack_params: StackParams, params: DriverParams):
-        """Drive with `stack_params`, whose vehicle should be `CAR`."""
+        """Drive with `stack_params`, which should be `HIGHWAY_STACK` or have its vehicle."""
         self.params = params.replace(extend=as_arrays(params.extend))
         self.stack = as_arrays(stack_params)
         self.step_seconds: list[float] = []

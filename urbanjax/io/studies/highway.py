@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from urbanjax.io.figures import BAD, GOOD, LINE, figure
-from urbanjax.io.highway.driver import CAR, DriverParams, StackDriver
+from urbanjax.io.highway.driver import HIGHWAY_STACK, DriverParams, StackDriver
 from urbanjax.io.highway.environment import FREQUENCY, open_environment
 from urbanjax.io.highway.episode import Episode, Idm, drive
 from urbanjax.io.highway.measure import time_to_collision
@@ -21,7 +21,7 @@ STACK, IDM = "stack", "IDM"
 class HighwayStudy:
     """Which environments, how often and for how long."""
 
-    stack: StackParams = StackParams(vehicle=CAR)
+    stack: StackParams = HIGHWAY_STACK
     driver: DriverParams = DriverParams()
     envs: tuple[str, ...] = static(default=("highway-v0", "merge-v1", "two-way-v0", "racetrack-v1"))
     drivers: tuple[str, ...] = static(default=(STACK, IDM))
