@@ -29,7 +29,8 @@ def study(params: HighwayStudy, run: Run) -> report.Section:
     highway.draw(rows, run.path("highway.png"))
     run.summary(highway.summary(rows))
     table = report.Table(CAPTION, highway.table(rows))
-    progress.show_table("highway-env", table.columns)
+    shown = {name: column for name, column in table.columns.items() if name not in ("drives", "median TTC [s]")}
+    progress.show_table(f"highway-env, {params.seeds} drives each", shown)
     figure = report.Picture("Mean speed of every drive; a cross is a collision.", run.path("highway.png"))
     return report.Section("Driving in highway-env", [], [table, figure, *items])
 

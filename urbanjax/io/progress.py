@@ -31,13 +31,14 @@ def bar(title: str) -> Iterator[Callable[[str, float | None], None]]:
 
 def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
     """Print the table."""
+    from rich import box
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    shown = Table(title=title, title_justify="left")
+    shown = Table(title=title, title_justify="left", box=box.SIMPLE)
     for i, name in enumerate(columns):
-        shown.add_column(escape(name), justify="left" if i == 0 else "right", overflow="fold")
+        shown.add_column(escape(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
     for row in zip(*columns.values(), strict=True):
         shown.add_row(*(escape(cell(value)) for value in row))
     Console().print(shown)

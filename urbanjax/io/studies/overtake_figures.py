@@ -66,7 +66,7 @@ def _trajectories(axes: Any, study: Fig10, start: int, colours: list) -> None:
         xlim=(-edges[1] - 0.7, -edges[0] + 0.7),
         ylim=(-10, reach + 10),
     )
-    axes.legend(loc="upper left")
+    axes.legend(loc="upper right")
 
 
 def draw_means(study: Fig10, path: Path) -> None:
