@@ -37,8 +37,8 @@ if __name__ == "__main__":
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     root = tmp_path_factory.mktemp("toy")
-    (root / "experiments").mkdir()
-    (root / "experiments" / "toy.py").write_text(PROGRAM)
+    (root / "programs").mkdir()
+    (root / "programs" / "toy.py").write_text(PROGRAM)
     presets = root / "configs" / "toy" / "preset"
     presets.mkdir(parents=True)
     (presets / "short.yaml").write_text("# @package _global_\nvehicle:\n  length: 3\n")
@@ -47,7 +47,7 @@ def home(tmp_path_factory):
 
 
 def run(home, *arguments):
-    command = [sys.executable, "-m", "experiments.toy", *arguments]
+    command = [sys.executable, "-m", "programs.toy", *arguments]
     environment = {"PYTHONPATH": f"{home}:{REPOSITORY}", "JAX_PLATFORMS": "cpu", "PATH": "/usr/bin:/bin"}
     return subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
 
