@@ -59,7 +59,7 @@ def test_odometry_predicts_how_highway_env_moves_the_rear_axle(environments, dri
 
 
 def test_the_road_ahead_ends_in_any_lane_and_laps_where_it_closes(environments):
-    params = as_arrays(ExtendParams(n_stations=64))
+    params = as_arrays(ExtendParams(n_stations=340))
     for name, goals, laps in (("merge-v1", 2, 1), ("two-way-v0", 1, 1), ("racetrack-v1", 2, 3)):
         env = environments[name]
         env.reset(seed=0)
@@ -70,6 +70,8 @@ def test_the_road_ahead_ends_in_any_lane_and_laps_where_it_closes(environments):
         assert destination.laps == laps
         course = course_to(graph, start, destination, params)
         assert int(course.extended.lane_link[0, course.extended.route_lane]) == start
+        change = np.asarray(course.extended.change)[:, course.extended.route_lane]
+        assert change.all() == (name != "racetrack-v1")
         assert shared_ground(graph).sum() == (2 if name == "two-way-v0" else 0)
     with pytest.raises(RouteError, match="none of the goals"):
         course_to(graph, start, Destination([0], np.full((1, 32), np.inf), 1), params)

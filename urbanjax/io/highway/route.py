@@ -13,6 +13,8 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route
 from urbanjax.types import RouteError, RouteStatus
 
+BODY = 6.0  # m, a vehicle's length and a bit
+
 
 @dataclasses.dataclass
 class Destination:
@@ -91,4 +93,16 @@ def _course(
     params: ExtendParams,
 ) -> tuple[Course, jax.Array]:
     route = plan_route(graph, start, goal, laps=laps, params=search)
-    return Course(graph, extend(graph, route, params)), jnp.asarray(route.status)
+    extended = extend(graph, route, params)
+    extended = extended.replace(change=_clear_of_bars(extended.change, round(BODY / params.spacing)))
+    return Course(graph, extended), jnp.asarray(route.status)
+
+
+def _clear_of_bars(change: jax.Array, margin: int) -> jax.Array:
+    """Where lane changes are permitted [N, Q - 1], at least `margin` stations off every place where they are not.
+
+    The whole body has to cross on ground that joins the lanes, and highway-env counts a lane as going on for a
+    vehicle's length beyond its ends.
+    """
+    window = (2 * margin + 1, 1)
+    return jax.lax.reduce_window(change, True, jax.lax.bitwise_and, window, (1, 1), "SAME")
