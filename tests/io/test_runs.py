@@ -26,7 +26,7 @@ def test_manifest_says_what_ran(tmp_path, capsys):
     assert manifest["device"]["platform"] == "cpu"
     assert manifest["wall_time_s"] >= 0
     assert {"commit", "dirty"} == set(manifest["git"])
-    assert "pytest" in manifest["command"]
+    assert "python" in manifest["command"]
     assert capsys.readouterr().out.splitlines()[-1].startswith("run directory: ")
 
 

@@ -84,6 +84,13 @@ def test_two_vehicles_do_not_follow_each_other_across(road):
 def test_decision_equals_highway_env():
     behavior = pytest.importorskip("highway_env.vehicle.behavior")
     road_module = pytest.importorskip("highway_env.road.road")
+
+    class Driver(behavior.IDMVehicle):
+        """Its defaults, written out: highway-env's intersections change them for the whole process."""
+
+        DISTANCE_WANTED, TIME_WANTED, DELTA = 10.0, 1.5, 4.0
+        COMFORT_ACC_MAX, COMFORT_ACC_MIN = 3.0, -5.0
+
     rng = np.random.default_rng(5)
     network = road_module.RoadNetwork.straight_road_network(2, speed_limit=30)
     params, agreed, changed = highway_idm(), 0, 0
@@ -96,7 +103,7 @@ def test_decision_equals_highway_env():
             made = {}
             for name in x:
                 lane = 4.0 if name.startswith("new") else 0.0
-                made[name] = behavior.IDMVehicle(road, [x[name], lane], 0.0, speed[name], target_speed=28.0)
+                made[name] = Driver(road, [x[name], lane], 0.0, speed[name], target_speed=28.0)
                 road.vehicles.append(made[name])
             made["ego"].POLITENESS = 0.4
 

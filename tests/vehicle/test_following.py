@@ -17,6 +17,13 @@ from urbanjax.vehicle.following import (
 def test_equals_highway_env():
     behavior = pytest.importorskip("highway_env.vehicle.behavior")
     road_module = pytest.importorskip("highway_env.road.road")
+
+    class Driver(behavior.IDMVehicle):
+        """Its defaults, written out: highway-env's intersections change them for the whole process."""
+
+        DISTANCE_WANTED, TIME_WANTED, DELTA = 10.0, 1.5, 4.0
+        COMFORT_ACC_MAX, COMFORT_ACC_MIN = 3.0, -5.0
+
     network = road_module.RoadNetwork.straight_road_network(1, speed_limit=30)
     road = road_module.Road(network, np_random=np.random.RandomState(0))
     rng = np.random.default_rng(1)
@@ -24,8 +31,8 @@ def test_equals_highway_env():
         for _ in range(200):
             speed, wanted, front = rng.uniform(0, 40), rng.uniform(1, 40), rng.uniform(0, 40)
             distance = rng.uniform(0.2, 150)
-            ego = behavior.IDMVehicle(road, [10.0, 0.0], 0.0, speed, target_speed=wanted)
-            leader = behavior.IDMVehicle(road, [10.0 + distance, 0.0], 0.0, front)
+            ego = Driver(road, [10.0, 0.0], 0.0, speed, target_speed=wanted)
+            leader = Driver(road, [10.0 + distance, 0.0], 0.0, front)
             limited = min(wanted, 30.0)
             arrays = [jnp.asarray(x) for x in (speed, limited, distance, front)]
             found = idm_acceleration(*arrays, highway_idm())
