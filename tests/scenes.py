@@ -1,5 +1,7 @@
 """Small closed-loop scenes shared by tests of the whole: static sizes are cut down so that they compile quickly."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 
@@ -8,9 +10,11 @@ from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
-from urbanjax.roadmap.builders import two_way
+from urbanjax.roadmap.builders import curve, two_way
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.extended import WindowParams
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.padding import pad
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.rollout import LoopParams
@@ -19,10 +23,13 @@ from urbanjax.sim.scenarios.scenario import ego_at, traffic, world
 from urbanjax.sim.world import SimParams, WorldState
 from urbanjax.stack import StackParams
 
+# Candidates end between the points of their grid: on a point the gradient is a one-sided one.
 SMALL = PlanningParams(
     prediction=PredictionParams(n_times=9, branches=1, hops=1),
     macro=MacroParams(n_layers=10, nodes_per_lane=3),
-    primitives=PrimitiveParams(offsets=(-0.5, 0.0, 0.5), durations=(2.0, 3.5), speed_factors=(0.6, 1.0), n_points=21),
+    primitives=PrimitiveParams(
+        offsets=(-0.5, 0.0, 0.5), durations=(2.0, 3.5), speed_factors=(0.6, 1.0), min_length=8.3, n_points=21
+    ),
 )
 
 
@@ -40,7 +47,7 @@ def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, L
     graph = overtake.road(family)
     keys = jax.random.split(jax.random.key(seed), n)
     starts = jax.vmap(lambda key: overtake.sample(key, family, params.sim).world)(keys)
-    return course_along(graph, overtake.RIGHT), roads.from_graph(graph), starts
+    return course_along(graph, overtake.RIGHT, overtake.RIGHT), roads.from_graph(one_shape(graph)), starts
 
 
 def oncoming_scene(params: LoopParams) -> tuple[Course, Lanes, WorldState]:
@@ -54,10 +61,38 @@ def oncoming_scene(params: LoopParams) -> tuple[Course, Lanes, WorldState]:
         params.sim.traffic,
         jnp.array([True, True, False, False]),
     )
-    ego = ego_at(jnp.asarray(60.0), jnp.asarray(0.15), jnp.asarray(9.0))
-    return course_along(graph, 0), roads.from_graph(graph), world(ego, 0, vehicles)
+    ego = ego_at(jnp.asarray(60.0), jnp.asarray(0.15), jnp.asarray(8.97))
+    return course_along(graph, 0, 0), roads.from_graph(one_shape(graph)), world(ego, 0, vehicles)
 
 
-def course_along(graph, link: int) -> Course:
-    """The course along one link."""
-    return course_between(graph, link, link)
+def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, Lanes, WorldState]:
+    """A slow ego before a tight curve; a parked car half on its lane leaves just enough room before a solid line.
+
+    Whether to cross the line, how steeply, and the look-ahead's minimum all matter. Args: aside, the parked car's
+    offset from the lane's centre in metres.
+    """
+    graph = curve(30.0, math.pi / 3, 2, lead=120.0, transition=10.0, speed_limit=4.2, section=200.0)
+    barred = jnp.zeros_like(graph.left_change)
+    graph = graph.replace(left_change=barred, right_change=barred)
+    vehicles = traffic(
+        jnp.array([3, 0, 0, 0], jnp.int32),
+        jnp.array([12.0, 105.0, 0.0, 0.0]),
+        jnp.array([0.0, 4.0, 0.0, 0.0]),
+        4.2,
+        params.sim.traffic,
+        jnp.array([True, True, False, False]),
+    )
+    beside = jnp.array([aside, 0.0, 0.0, 0.0])
+    vehicles = vehicles.replace(offset=beside, offset_from=beside, offset_to=beside)
+    ego = ego_at(jnp.asarray(115.0), graph.centre[1, 0, 1] + 0.3, jnp.asarray(3.93))
+    return course_along(graph, 1, 5), roads.from_graph(one_shape(graph)), world(ego, 1, vehicles)
+
+
+def course_along(graph: RoadGraph, start: int, goal: int) -> Course:
+    """The course from link to link, in the shape that all scenes share."""
+    return course_between(one_shape(graph), start, goal)
+
+
+def one_shape(graph: RoadGraph) -> RoadGraph:
+    """The graph in a shape that all scenes share, so that one compiled program serves them."""
+    return pad(graph, n_links=6).replace(area_names=("",), area=jnp.zeros(6, jnp.int32))

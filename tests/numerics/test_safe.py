@@ -71,3 +71,15 @@ def test_wrap_angle_of_pi_is_minus_pi_and_its_slope_is_one():
 def test_shapes_are_checked_in_the_suite():
     with pytest.raises(TypeCheckError):
         safe.arctan2(jnp.zeros(2), jnp.zeros(3))
+
+
+@pytest.mark.parametrize("axis", [0, 1, -1])
+def test_smallest_and_largest_of_an_axis_with_the_derivative_of_one_entry(axis):
+    x = jnp.array([[3.0, 1.0, 2.0], [0.5, 4.0, 2.0]])
+    for found, wanted in ((safe.minimum, jnp.min), (safe.maximum, jnp.max)):
+        np.testing.assert_array_equal(found(x, axis), wanted(x, axis=axis))
+        slope = jax.grad(lambda v, f=found: f(v, axis).sum())(x)
+        np.testing.assert_array_equal(slope.sum(), wanted(x, axis=axis).size)
+    tied = jax.grad(lambda v: safe.minimum(v))(jnp.ones(3))
+    np.testing.assert_array_equal(tied, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(jax.jvp(safe.maximum, (x,), (2 * x,))[1], 2 * jnp.max(x, axis=-1))

@@ -69,7 +69,8 @@ def room_along(
     passage = Passage(
         position=path.position, heading=path.heading, time=time, step=step, step_time=jnp.diff(time, prepend=time[:1])
     )
-    nearest = jnp.min(gaps(passage, prediction, follower, vehicle, params, relaxation), axis=1)
+    room = gaps(passage, prediction, follower, vehicle, params, relaxation)
+    nearest = soft.minimum(room, relaxation, params.gap_scale)
     # Clearance beyond the horizon counts less and less within its last second, so that no object enters with a jump.
     counts = jnp.clip(horizon - time, 0.0, 1.0)
     return soft.minimum(nearest + (1 - counts) * params.far, relaxation, scale=params.gap_scale)

@@ -5,6 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.behavior.situation import SignalAhead
+from urbanjax.numerics import safe
 from urbanjax.types import Path, pytree
 from urbanjax.vehicle.limits import approach_speed, curve_speed, stop_speed
 
@@ -27,6 +28,6 @@ def along(path: Path, speed_limit: Float[Array, "k"], params: CapParams) -> Floa
 
 def now(path: Path, cap: Float[Array, "k"], signal: SignalAhead, params: CapParams) -> Float[Array, ""]:
     """Highest speed now, in m/s, from which every cap ahead and a red stop line can be met."""
-    curves = jnp.min(approach_speed(path.station - path.station[0], cap, params.curve_deceleration))
+    curves = safe.minimum(approach_speed(path.station - path.station[0], cap, params.curve_deceleration))
     stop = stop_speed(signal.distance - params.stop_margin, params.stop_deceleration, params.reaction_time)
     return jnp.minimum(curves, jnp.where(signal.red > 0.5, stop, curves))

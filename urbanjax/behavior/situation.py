@@ -71,7 +71,7 @@ def can_stop(
     front_speed = jnp.maximum(surroundings.speed, 0)
     closing = jnp.maximum(body.speed - front_speed, 0)
     needed = closing**2 / (2 * jnp.maximum(gap, 0.5))
-    worst = jnp.max(occupancy * ahead * needed)
+    worst = safe.maximum(occupancy * ahead * needed)
     return soft.above(params.emergency_deceleration - worst, 0.0, relaxation, scale=1.0)
 
 

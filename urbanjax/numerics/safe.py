@@ -4,6 +4,9 @@ Each clamps its argument before the unsafe operation (the double-where idiom): a
 still multiply an infinite derivative by zero.
 """
 
+import functools
+
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -30,6 +33,29 @@ def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """atan2 with value and derivative 0 at the origin."""
     origin = (x == 0) & (y == 0)
     return jnp.where(origin, 0, jnp.arctan2(y, jnp.where(origin, 1, x)))
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def minimum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
+    """Minimum over an axis, with the derivative of its first smallest entry.
+
+    `jnp.min` looks for that entry by equality, and has the derivative 0 / 0 where the compiler computed x twice with
+    different rounding.
+    """
+    return jnp.min(x, axis=axis)
+
+
+@minimum.defjvp
+def _minimum_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    (x,), (change,) = primals, tangents
+    place = jax.lax.broadcasted_iota(jnp.int32, x.shape, axis % x.ndim)
+    first = place == jnp.expand_dims(jnp.argmin(x, axis=axis), axis)
+    return jnp.min(x, axis=axis), jnp.sum(jnp.where(first, change, 0), axis=axis)
+
+
+def maximum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
+    """Maximum over an axis, with the derivative of its first largest entry (see `minimum`)."""
+    return -minimum(-x, axis)
 
 
 def wrap_angle(angle: Float[Array, "*s"]) -> Float[Array, "*s"]:

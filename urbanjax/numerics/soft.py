@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from urbanjax.numerics import safe
 from urbanjax.types import pytree, static
 
 MODES = ("hard", "soft", "straight_through")
@@ -82,7 +83,7 @@ def minimum(
     `fill` stands in for masked entries, and is the value when all are masked.
     """
     masked = _masked(values, mask, fill)
-    hard = jnp.min(masked, axis=-1)
+    hard = safe.minimum(masked)
     if relaxation.mode == "hard":
         return hard
     t = relaxation.temperature * scale

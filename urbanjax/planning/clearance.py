@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.geometry.boxes import Box, relaxed_box_gap
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import product
 from urbanjax.planning.prediction import time_weights
@@ -108,7 +108,7 @@ def followers(
         step_time=ones * (prediction.time[1] - prediction.time[0]),
     )
     nobody = jnp.zeros_like(prediction.speed)
-    reaches = jnp.min(gaps(here, prediction, nobody, vehicle, params, relaxation), axis=0)
+    reaches = safe.minimum(gaps(here, prediction, nobody, vehicle, params, relaxation), 0)
     cos, sin = jnp.cos(state.heading), jnp.sin(state.heading)
     rear = prediction.position[:, 0] - state.position[None, :]
     ahead = rear[:, 0] * cos + rear[:, 1] * sin + prediction.length / 2 + vehicle.rear_overhang

@@ -112,7 +112,8 @@ def clearance(
         step=each(jnp.broadcast_to(lattice.spacing, shape[:1])),
         step_time=each(lattice.step_time),
     )
-    return jnp.min(gaps(passage, prediction, follower, vehicle, params, relaxation), axis=1).reshape(shape)
+    room = gaps(passage, prediction, follower, vehicle, params, relaxation)
+    return soft.minimum(room, relaxation, params.gap_scale).reshape(shape)
 
 
 def node_terms(

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import lattice
 from urbanjax.planning.basis import interpolate, smooth
@@ -107,7 +108,7 @@ def plan(
         value=value,
         terms=jnp.stack([sum(part.get(name, 0) for part in paid) for name in MACRO_TERMS]),
         node_clearance=room,
-        clearance=jnp.min(jnp.sum(marginal * room, axis=1)),
+        clearance=safe.minimum(jnp.sum(marginal * room, axis=1)),
         feasible=jnp.prod(1 - jnp.clip(bad, 0, 1)),
         follower=follower,
         start_station=progress.station,

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
@@ -151,7 +151,7 @@ def clearance(
     still = jnp.zeros_like(time)
     passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time, step=still, step_time=still)
     room = gaps(passage, prediction, fan.follower, vehicle, params.clearance, relaxation)
-    return jnp.min(room, axis=1).reshape(fan.time.shape)
+    return soft.minimum(room, relaxation, params.clearance.gap_scale).reshape(fan.time.shape)
 
 
 def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, params: MicroParams) -> Float[Array, "j c"]:
@@ -186,14 +186,14 @@ def limit_margins(
 
     def left(values: Array, limit: float | Array, start: Array, duration: float | Array) -> Array:
         """What is left up to a limit; no candidate can help what the vehicle does at the start."""
-        return limit - jnp.max(values - start * jnp.clip(2 - fan.time / duration, 0, 1), axis=1)
+        return limit - safe.maximum(values - start * jnp.clip(2 - fan.time / duration, 0, 1))
 
     too_sharp = jnp.maximum(sharp[:, :1] - steering, 0)
     too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
     return (
         left(sharp, steering, too_sharp, params.settle),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
-        jnp.min(soon, axis=1),
+        safe.minimum(soon, 1),
         left(outside, params.edge_tolerance, start, params.recovery),
     )
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import Lanes, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
@@ -88,7 +89,7 @@ def wanted_speed(lanes: Lanes, factor: Float[Array, " v"], chain: Chain, params:
     limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
     allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, limit)
     distance = jnp.where(chain.start > -0.5 * FAR, jnp.maximum(chain.start, 0.0), FAR)
-    return jnp.min(approach_speed(distance, allowed, params.idm.deceleration), axis=0)
+    return safe.minimum(approach_speed(distance, allowed, params.idm.deceleration), 0)
 
 
 def follow(

@@ -45,7 +45,7 @@ def evaluate(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Metric
         clearance=soft.minimum(gaps, relaxation),
         collision=collision(log, vehicle, relaxation),
         ttc_lane=1 / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation), relaxation, 0.1), 1 / FAR),
-        ttc_box=jnp.min(box_ttc(log, vehicle)),
+        ttc_box=safe.minimum(box_ttc(log, vehicle)),
         mean_speed=jnp.mean(speed),
         min_speed=lowest,
         speed_drop=speed[0] - lowest,
@@ -136,7 +136,7 @@ def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
             enter, leave = _overlap((b.x - a.x) * x + (b.y - a.y) * y, vx * x + vy * y, reach)
             start, end = jnp.maximum(start, enter), jnp.minimum(end, leave)
     meets = (start <= end) & others.valid
-    return jnp.min(jnp.where(meets, start, FAR), axis=1)
+    return safe.minimum(jnp.where(meets, start, FAR))
 
 
 def _overlap(distance: Array, speed: Array, reach: Array) -> tuple[Array, Array]:

@@ -9,11 +9,13 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from urbanjax.numerics import safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import Lanes, take
 from urbanjax.types import pytree
 
 FAR = 1e6  # m, "nobody there": finite, so that masked arithmetic stays finite
+SAME = 1e-3  # m, nearer together than this, vehicles count as at the same place
 
 
 @pytree
@@ -91,11 +93,12 @@ def behind(chain: Chain, link: Array, station: Array, seen: Bool[Array, "j i"]) 
 def nearest(distance: Float[Array, "j i"], bodies: Bodies, half: Float[Array, " i"]) -> Neighbour:
     """The vehicle j nearest to each i, bumper to bumper. The choice is hard; gap and speed are differentiable."""
     edge = distance - bodies.half[:, None]
-    first = jnp.min(edge, axis=0)
-    is_first = edge == first[None, :]
+    first = safe.minimum(edge, 0)
+    # Not told by equality: the compiler may compute `edge` twice, with different rounding.
+    is_first = edge <= first[None, :] + SAME
     exists = first < 0.5 * FAR
-    # Among vehicles at exactly the same place the slowest one counts, whatever their order.
-    slowest = jnp.min(jnp.where(is_first, bodies.speed[:, None], FAR), axis=0)
+    # Among vehicles at the same place the slowest one counts, whatever their order.
+    slowest = safe.minimum(jnp.where(is_first, bodies.speed[:, None], FAR), 0)
     last = edge.shape[0] - 1
     index = jnp.min(jnp.where(is_first, jnp.arange(last + 1, dtype=jnp.int32)[:, None], last), axis=0)
     return Neighbour(jnp.where(exists, first - half, FAR), jnp.where(exists, slowest, 0.0), index, exists)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from urbanjax.numerics import safe
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
 from urbanjax.sim.lanes import Lanes, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain
@@ -52,7 +53,7 @@ def end_distance(lanes: Lanes, chain: Chain, front: Float[Array, " n"]) -> Float
     """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not."""
     to_end = chain.start + take(lanes.graph.length, chain.link)
     ends = take(lanes.ends, chain.link) & (chain.start > -0.5 * FAR)
-    return jnp.min(jnp.where(ends, to_end, FAR), axis=0) - front
+    return safe.minimum(jnp.where(ends, to_end, FAR), 0) - front
 
 
 def yield_distance(

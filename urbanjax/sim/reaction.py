@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim import lanes as roads
@@ -110,7 +110,7 @@ def braking(
     wanted = interaction(jnp.broadcast_to(traffic.speed[None, :], shape), gap, ego_speed, idm)
     # Bounded before it is weighted: a huge product of a tiny degree and a huge braking would not be smooth.
     bounded = jnp.minimum(wanted, params.idm.acceleration + params.max_deceleration)
-    return jnp.max(inside[:, None] * passed * bounded, axis=0)
+    return safe.maximum(inside[:, None] * passed * bounded, 0)
 
 
 def advance(seen: Presence, dt: float | Array) -> Presence:

@@ -31,7 +31,7 @@ def free_flow(
     gap_ahead = jnp.maximum(distance[None, :] - distance[:, None], 0)
     to_caps = cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead
     to_caps = jnp.where(index[None, :] >= index[:, None], to_caps, jnp.inf)
-    squared = jnp.minimum(from_start, jnp.min(to_caps, axis=1))
+    squared = jnp.minimum(from_start, safe.minimum(to_caps))
     profile = safe.sqrt(squared + params.floor**2)
     step = 2 * jnp.diff(distance) / (profile[1:] + profile[:-1])
     return profile, jnp.concatenate([jnp.zeros_like(step[:1]), jnp.cumsum(step)])
