@@ -23,7 +23,7 @@ demo: $(INSTALLED)
 	@$(BIN)/python -m $(DEMO) $(DEMO_ARGS)
 
 test: $(INSTALLED)
-	@$(BIN)/python -m pytest -n 2 --dist loadfile $(TEST_ARGS)
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder $(TEST_ARGS)
 
 lint: $(INSTALLED)
 	@$(BIN)/ruff format --check .

@@ -16,6 +16,7 @@ import pytest  # noqa: E402
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+LONG = ("grads", "laws", "test_docs.py", "io", "planning")  # begun first, so that all workers end together
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -28,6 +29,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if not item.get_closest_marker("slow")]
+    items.sort(key=lambda item: next((i for i, part in enumerate(LONG) if part in item.path.parts), len(LONG)))
     if any(item.get_closest_marker("gpu") for item in items) and jax.default_backend() == "cpu":
         for item in items:
             if item.get_closest_marker("gpu"):

@@ -1,4 +1,4 @@
-"""How fast stack and simulator run: warm medians, with the cold start stated apart."""
+"""How fast stack and simulator run: warm medians, with the cold start stated apart; and what float32 changes."""
 
 import functools
 import statistics
@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
+from urbanjax.io.studies import precision
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.extended import ExtendParams
 from urbanjax.sim import agents, metrics
@@ -42,6 +43,7 @@ class BenchStudy:
     loop_steps: int = static(default=20)  # steps of one closed loop
     repeats: int = static(default=30)  # of each step that is timed
     runs: int = static(default=5)  # of each simulation that is timed
+    precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
     seed: int = static(default=0)
 
 
@@ -64,7 +66,9 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
     out = _stack_step(study, loop, course, lanes, starts, tick)
     out.update(_simulator(study, loop, course, lanes, starts, tick))
-    return out
+    tick("decisions in float32 and float64")
+    batch = jax.tree.map(lambda x: x[: study.scenarios], starts.world)
+    return out | precision.flips(loop, course, lanes, batch, study.precision_steps)
 
 
 def _stack_step(
@@ -155,5 +159,9 @@ def table(numbers: dict[str, float], batches: Sequence[int]) -> dict[str, list[A
         ("simulator alone [vehicle-steps/s]", round(numbers["simulator_vehicle_steps_per_s"])),
         ("simulator with the stack [vehicle-steps/s]", round(numbers["closed_loop_vehicle_steps_per_s"])),
         ("closed loop, cold: compile and first run [s]", numbers["closed_loop_first_run_s"]),
+    ]
+    rows += [
+        (f"float32 chooses another {name} [% of steps]", 100 * numbers[f"float32_flips_{name}_share"])
+        for name in ("macro", "micro", "path", "outcome")
     ]
     return {"what (median, warm)": [row[0] for row in rows], "value": [row[1] for row in rows]}
