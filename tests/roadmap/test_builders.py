@@ -88,6 +88,14 @@ def test_opposites_and_conflicts_are_symmetric_and_exclude_each_other(graph):
     assert not conflict & pairs(graph.successor, graph.has_successor)
 
 
+def test_opposites_lie_side_by_side_or_coincide(graph):
+    centre = np.asarray(graph.centre, float)
+    for i, k in zip(*np.nonzero(np.asarray(graph.has_opposite)), strict=True):
+        aside = abs(float(graph.opposite_offset[i, k]))
+        between = np.linalg.norm(centre[i][:, None] - centre[int(graph.opposite[i, k])][None], axis=-1).min()
+        assert aside < 0.5 or between > 0.7 * aside, (i, aside, between)
+
+
 def test_two_way_opposite_lane_is_one_lane_to_the_left(graphs):
     graph = graphs["two_way"]
     assert pairs(graph.opposite, graph.has_opposite) == {(0, 1), (1, 0)}

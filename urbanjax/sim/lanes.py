@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from urbanjax.geometry import polyline
 from urbanjax.geometry.polyline import Projection
-from urbanjax.roadmap.graph import RoadGraph, RoadType, Turn
+from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import pytree, static
 
 # Columns of the table.
@@ -39,7 +39,7 @@ def from_graph(graph: RoadGraph, n_points: int = 63) -> Lanes:
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
     goes_on = (to_left & (count[graph.left_link] > 0)) | (to_right & (count[graph.right_link] > 0))
     entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
-    rival, has_rival = _rivals(graph)
+    has_rival = graph.has_conflict & (graph.road_type == RoadType.JUNCTION)[:, None]
     return Lanes(
         graph=graph,
         table=_table(graph, n_points).reshape(n_links * n_points, 7),
@@ -48,20 +48,11 @@ def from_graph(graph: RoadGraph, n_points: int = 63) -> Lanes:
         curvature=jnp.max(jnp.abs(graph.curvature), axis=1),
         width=jnp.mean(jnp.sqrt(jnp.sum((graph.left - graph.right) ** 2, axis=-1)), axis=1),
         ends=(count == 0) & goes_on & graph.valid,
-        rival=rival,
+        rival=graph.conflict.astype(jnp.int32),
         has_rival=has_rival,
         n_points=n_points,
         has_conflicts=bool(jnp.any(has_rival) | jnp.any(entered_twice)),
     )
-
-
-def _rivals(graph: RoadGraph) -> tuple[Array, Array]:
-    """Links that a junction link conflicts with: also opposite ones when either turns, since their paths then cross."""
-    junction = (graph.road_type == RoadType.JUNCTION)[:, None]
-    turns = graph.turn != Turn.STRAIGHT
-    crosses = graph.has_opposite & (turns[:, None] | turns[graph.opposite])
-    rival = jnp.concatenate([graph.conflict, graph.opposite], axis=1).astype(jnp.int32)
-    return rival, jnp.concatenate([graph.has_conflict, crosses], axis=1) & junction
 
 
 def _table(graph: RoadGraph, n_points: int) -> Array:

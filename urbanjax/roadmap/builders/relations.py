@@ -7,6 +7,7 @@ from urbanjax.roadmap.builders.curves import hermite
 CHUNK = 256  # pairs at a time: bounds the memory of the all-to-all comparison
 OPPOSED = np.cos(np.radians(150.0))  # headings further apart than this run against each other
 ADJACENT = 0.75  # times the summed widths: lateral distance up to which opposed lanes are related
+COINCIDE = 0.1  # times the summed widths: mean lateral distance below which opposed lanes are on the same ground
 OVERLAP = 0.35  # times the summed widths: distance below which two lanes conflict
 
 
@@ -68,7 +69,8 @@ def opposites(
 ) -> list[list[tuple[int, float]]]:
     """For each link the links in the other direction on the same or the adjacent ground, with their mean offset.
 
-    Related where at least 10 m or half of the shorter one lie side by side. Offsets in metres, left positive.
+    Related where at least 10 m or half of the shorter one lie side by side or coincide; those that cross, like two
+    turns in a junction, are a conflict. Offsets in metres, left positive.
     """
     out: list[list[tuple[int, float]]] = [[] for _ in centre]
     pairs = _near_pairs(centre, width)
@@ -85,7 +87,9 @@ def opposites(
             # Seen from i, a point left of the oncoming j has j on its left as well.
             offsets.append((match * offset).sum(-1) / np.maximum(match.sum(-1), 1))
         enough = np.minimum(10.0, 0.5 * length[block].min(-1))
-        for (i, j), shared, a, b in zip(block, np.minimum(*beside) >= enough, *offsets, strict=True):
+        coincide = np.abs(offsets[0]) < COINCIDE * width[block].sum(-1)
+        apart = coincide | ~_crossing(centre[block[:, 0]], centre[block[:, 1]])
+        for (i, j), shared, a, b in zip(block, apart & (np.minimum(*beside) >= enough), *offsets, strict=True):
             if shared:
                 out[i].append((int(j), float(a)))
                 out[j].append((int(i), float(b)))
