@@ -90,7 +90,7 @@ def test_turn_at_the_intersection_is_known(extended_course, district):
     assert turned[-1] - turned[0] == pytest.approx(np.pi / 2, abs=0.1)
 
 
-def test_laps_repeat_the_course(district, course_links, extended_course, extend_district, sample_jit):
+def test_laps_repeat_the_course(district, course_links, extended_course, extend_district, sample_jit, progress_jit):
     e = extend_district(route_between(district, 0, course_links[-1], laps=2))
     assert float(e.length) == pytest.approx(2 * float(extended_course.length), rel=1e-5)
     length = float(e.length) / 2
@@ -98,6 +98,9 @@ def test_laps_repeat_the_course(district, course_links, extended_course, extend_
     assert np.all(e.valid)
     np.testing.assert_allclose(a.position, b.position, atol=5e-3)
     np.testing.assert_allclose(a.heading + 2 * np.pi, b.heading, atol=1e-4)
+    for place in (a, b):  # a pose does not tell the lap: the first one is taken
+        found = progress_jit(e, place.position, place.heading).station
+        np.testing.assert_allclose(found, np.linspace(20.0, 410.0, 50), atol=0.02)
 
 
 def test_lane_change_is_a_smooth_blend_of_the_stated_length(changing):

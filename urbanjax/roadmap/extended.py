@@ -15,6 +15,7 @@ from urbanjax.roadmap.route import Route
 from urbanjax.types import RoadError, pytree, static
 
 AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
+LATER = 1e-4  # m^2 per m of station, likewise: of several laps the first one counts
 
 
 @pytree
@@ -259,11 +260,13 @@ def progress(extended: ExtendedGraph, position: Float[Array, "2"], heading: Floa
     """Station [m], offset [m] and heading error [rad] of a pose on the reference line; the inverse of `to_world`.
 
     The foot of the perpendicular, by Newton's method from the nearest station; stations that run against the pose's
-    heading count as farther off, so that a road which comes back beside itself is not mistaken. Continuous and
-    differentiable in the pose up to the centre of curvature; the choice of the starting station is not differentiated.
+    heading count as farther off, so that a road which comes back beside itself is not mistaken, and of several laps the
+    first one is taken. Continuous and differentiable in the pose up to the centre of curvature; the choice of the
+    starting station is not differentiated.
     """
     nodes, last = extended.position, extended.station.shape[0] - 1
     miss = (position[0] - nodes[:, 0]) ** 2 + (position[1] - nodes[:, 1]) ** 2
+    miss = miss + LATER * (extended.station - extended.station[0])
     k = jnp.argmin(miss + AGAINST * (1 - jnp.cos(heading - extended.heading)))
     reach = 3 * extended.spacing  # off a bend's inner side Newton's method may not run away along the road
     station = extended.station[k]
