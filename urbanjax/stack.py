@@ -38,7 +38,7 @@ class StackParams:
     behavior: BehaviorParams = BehaviorParams()
     control: ControlParams = ControlParams()
     relaxation: Relaxation = Relaxation()
-    localizer: str = static(default="given")  # one of LOCALIZERS
+    localizer: str = static(default="given", metadata={"choices": tuple(LOCALIZERS)})
 
 
 @pytree

@@ -34,6 +34,7 @@ class Outer:
     clamp: float | None = None
     mode: Mode = static(default=Mode.SLOW)
     kind: str = static(default="one", metadata={"choices": ("one", "two")})
+    kinds: tuple[str, ...] = static(default=("one",), metadata={"choices": ("one", "two")})
     start: int = static(default=0)
     fast: bool = static(default=False)
 
@@ -52,6 +53,13 @@ def test_round_trip_of_every_params_class(cls):
     tree = config.schema(cls)
     assert config.to_params(cls, tree) == cls()
     assert config.plain(cls()) == tree
+
+
+@pytest.mark.parametrize("cls", params_classes().values(), ids=params_classes())
+def test_a_text_states_what_it_may_be(cls):
+    for spec in dataclasses.fields(cls):
+        if isinstance(config.default_of(spec), str):
+            assert config.default_of(spec) in spec.metadata["choices"], spec.name
 
 
 def test_values_reach_their_fields_and_the_rest_keeps_the_parents_defaults():
@@ -82,6 +90,7 @@ BAD = {
     "number for a group": ({"inner": 1.0}, "group of values"),
     "no such member": ({"mode": "quick"}, "one of slow, fast, not 'quick'"),
     "no such choice": ({"kind": "three"}, "one of one, two, not 'three'"),
+    "no such choice in a grid": ({"kinds": ["one", "three"]}, r"'stack.kinds\[1\]' must be one of one, two"),
     "number for a switch": ({"fast": 1}, "true or false"),
 }
 

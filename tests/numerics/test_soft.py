@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
+from urbanjax.types import ConfigError
 
 HARD, SOFT, THROUGH = Relaxation(), Relaxation(0.3, "soft"), Relaxation(0.3, "straight_through")
 COLD = Relaxation(1e-4, "soft")
@@ -139,3 +140,9 @@ def test_temperature_is_a_leaf_and_the_mode_is_structure():
     many = jax.vmap(lambda t: soft.minimum(jnp.asarray(COST), Relaxation(t, "soft")))(jnp.array([0.01, 0.1, 1.0]))
     assert (np.diff(many) < 0).all()
     assert jax.tree.structure(HARD) != jax.tree.structure(SOFT)
+
+
+@pytest.mark.parametrize("function", [soft.choose, soft.minimum, lambda cost, how: soft.above(cost, 0.9, how)])
+def test_an_unknown_mode_is_named(function):
+    with pytest.raises(ConfigError, match="mode is 'sofft': use one of hard, soft, straight_through"):
+        function(jnp.asarray(COST), Relaxation(0.1, "sofft"))

@@ -132,7 +132,8 @@ def _grid(default: tuple, value: Any, key: str, metadata: Mapping[str, Any]) -> 
         raise ConfigError(f"'{key}' must not be empty")
     first = default[0] if default else 0.0
     free = -1.0 if isinstance(first, float) else first  # elements of a grid may be negative
-    return tuple(_scalar(free, item, f"{key}[{i}]", None, metadata.get("range")) for i, item in enumerate(value))
+    choices, limits = metadata.get("choices"), metadata.get("range")
+    return tuple(_scalar(free, item, f"{key}[{i}]", choices, limits) for i, item in enumerate(value))
 
 
 def _scalar(default: Any, value: Any, key: str, choices: tuple | None, limits: tuple | None) -> Any:

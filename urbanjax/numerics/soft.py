@@ -15,7 +15,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from urbanjax.numerics import safe
-from urbanjax.types import pytree, static
+from urbanjax.types import ConfigError, pytree, static
 
 MODES = ("hard", "soft", "straight_through")
 
@@ -25,7 +25,7 @@ class Relaxation:
     """How hard choices are relaxed, and how much."""
 
     temperature: float = 0.1  # [-], multiplied by the natural scale of each choice
-    mode: str = static(default="hard")  # one of MODES
+    mode: str = static(default="hard", metadata={"choices": MODES})
 
 
 def combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
@@ -34,7 +34,9 @@ def combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
         return jax.lax.stop_gradient(hard)
     if relaxation.mode == "soft":
         return soft
-    return jax.lax.stop_gradient(hard) + (soft - jax.lax.stop_gradient(soft))
+    if relaxation.mode == "straight_through":
+        return jax.lax.stop_gradient(hard) + (soft - jax.lax.stop_gradient(soft))
+    raise ConfigError(f"relaxation.mode is {relaxation.mode!r}: use one of {', '.join(MODES)}")
 
 
 def _masked(values: Array, mask: Array | None, fill: float) -> Array:

@@ -9,7 +9,7 @@ from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.corridor import Corridor, bars, boundaries, covered
-from urbanjax.planning.costs import barrier, excess_length, smooth_abs
+from urbanjax.planning.costs import BARRIERS, barrier, excess_length, smooth_abs
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
@@ -51,7 +51,7 @@ class LatticeWeights:
     slope_scale: float = 0.02  # slope that clearly is too steep
     edge_scale: float = 0.05  # m, clearly off the road
     line_scale: float = 0.5  # m, clearly across the line between two lanes
-    barrier: str = static(default="hinge")  # one of costs.BARRIERS
+    barrier: str = static(default="hinge", metadata={"choices": BARRIERS})
 
 
 @pytree

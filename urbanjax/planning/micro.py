@@ -63,7 +63,7 @@ class MicroParams:
     acceleration_scale: float = 0.5  # m/s^2
     collision_scale: float = 0.2  # m
     edge_scale: float = 0.1  # m
-    barrier: str = static(default="hinge")  # one of costs.BARRIERS
+    barrier: str = static(default="hinge", metadata={"choices": costs.BARRIERS})
 
 
 @pytree

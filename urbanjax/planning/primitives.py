@@ -14,6 +14,8 @@ from urbanjax.roadmap.extended import ExtendedGraph, Progress
 from urbanjax.types import VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
+RESAMPLINGS = ("exact", "spline")  # heading and curvature: of the quintics, or of splines through their points
+
 
 @pytree
 class PrimitiveParams:
@@ -32,7 +34,7 @@ class PrimitiveParams:
     min_spacing: float = 1.0  # m, of the grid
     max_spacing: float = 3.0  # m
     n_points: int = static(default=41)
-    resampling: str = static(default="exact")  # or "spline": heading and curvature of splines through the points
+    resampling: str = static(default="exact", metadata={"choices": RESAMPLINGS})
 
 
 @pytree

@@ -26,8 +26,8 @@ class RouteParams:
 
     change_length: float = 50.0  # m, penalty of a lane change where the cost is length
     change_time: float = 5.0  # s, where it is time
-    cost: str = static(default="length")  # one of COSTS
-    search: str = static(default="sum")  # one of SEARCHES
+    cost: str = static(default="length", metadata={"choices": COSTS})
+    search: str = static(default="sum", metadata={"choices": SEARCHES})
     n_links: int = static(default=256)  # R, the longest route
 
 

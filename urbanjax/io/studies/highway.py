@@ -24,7 +24,7 @@ class HighwayStudy:
     stack: StackParams = HIGHWAY_STACK
     driver: DriverParams = DriverParams()
     envs: tuple[str, ...] = static(default=("highway-v0", "merge-v1", "two-way-v0", "racetrack-v1"))
-    drivers: tuple[str, ...] = static(default=(STACK, IDM))
+    drivers: tuple[str, ...] = static(default=(STACK, IDM), metadata={"choices": (STACK, IDM)})
     seeds: int = static(default=20)  # drives per environment and driver
     seed: int = static(default=0)  # the first one
     duration: float = static(default=40.0)  # s, or the end of the road
