@@ -1,0 +1,85 @@
+"""Point clouds come back as they were written; what is wrong with a file is said in one line."""
+
+import numpy as np
+import pytest
+
+from urbanjax.io import pointclouds
+from urbanjax.types import FileError
+
+POINTS = np.random.default_rng(0).normal(size=(20, 3)).astype(np.float32)
+
+
+def ply(kind: str, rows: bytes, count: int = 20, columns: tuple[str, ...] = ("x", "y", "z", "intensity")) -> bytes:
+    lines = ["ply", f"format {kind} 1.0", f"element vertex {count}", *(f"property float {c}" for c in columns)]
+    return "\n".join([*lines, "end_header", ""]).encode() + rows
+
+
+def table(order: str) -> bytes:
+    return np.hstack([POINTS, np.ones((20, 1))]).astype(f"{order}f4").tobytes()
+
+
+def written(folder, name: str, data: bytes):
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+def test_every_format_gives_the_points_back(tmp_path):
+    ascii_rows = "\n".join(" ".join(map(repr, [*map(float, row), 1.0])) for row in POINTS).encode()
+    paths = [
+        written(tmp_path, "little.ply", ply("binary_little_endian", table("<"))),
+        written(tmp_path, "big.ply", ply("binary_big_endian", table(">"))),
+        written(tmp_path, "text.ply", ply("ascii", ascii_rows)),
+        written(tmp_path, "scan.bin", table("<")),
+        tmp_path / "scan.npz",
+    ]
+    np.savez(tmp_path / "scan.npz", xyz=np.concatenate([POINTS, np.zeros((4, 3))]).reshape(4, 6, 3))
+    for path in paths:
+        np.testing.assert_allclose(pointclouds.read(path), POINTS, rtol=1e-6)
+
+
+def test_a_named_array_of_an_archive(tmp_path):
+    np.savez(tmp_path / "two.npz", a=POINTS, b=POINTS[:3])
+    assert len(pointclouds.read(tmp_path / "two.npz", "b")) == 3
+    with pytest.raises(FileError, match="has no array 'xyz' among a, b"):
+        pointclouds.read(tmp_path / "two.npz")
+
+
+BAD = {
+    "no such file": ("none.bin", None, "there is no such file"),
+    "unknown suffix": ("scan.las", b"", r"no reader for '\.las'; use one of \.ply, \.bin, \.npz"),
+    "truncated scan": ("scan.bin", table("<")[:-3], "no whole number"),
+    "empty scan": ("scan.bin", b"", "holds no points"),
+    "no header": ("scan.ply", b"x y z", "no PLY file"),
+    "truncated vertices": ("scan.ply", ply("binary_little_endian", table("<")[:-1]), "need 320 bytes, but 319"),
+    "truncated text": ("scan.ply", ply("ascii", b"1 2 3 4\n1 2"), "20 rows of 4 numbers"),
+    "no z": ("scan.ply", ply("binary_little_endian", table("<"), columns=("x", "y", "a", "b")), "have no z"),
+    "unknown format": ("scan.ply", ply("zip", table("<")), "no known format"),
+    "huge count": ("scan.ply", ply("binary_little_endian", table("<"), count=10**12), "bytes, but 320 are left"),
+    "a list": ("scan.ply", ply("ascii", b"").replace(b"float x", b"list uchar int x"), "cannot read the vertex"),
+    "not finite": ("scan.bin", np.full(8, np.nan, "<f4").tobytes(), "2 points are not finite"),
+    "no archive": ("scan.npz", b"PK but no more", "no npz file"),
+}
+
+
+@pytest.mark.parametrize(("name", "data", "message"), BAD.values(), ids=BAD)
+def test_a_bad_file_is_named_in_one_line(name, data, message, tmp_path):
+    path = tmp_path / name
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(FileError, match=message) as caught:
+        pointclouds.read(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_enormous_file_is_refused_unread(tmp_path, monkeypatch):
+    monkeypatch.setattr(pointclouds, "LARGEST", 100)
+    with pytest.raises(FileError, match="more than the 100"):
+        pointclouds.read(written(tmp_path, "scan.bin", table("<")))
+
+
+def test_an_archive_of_objects_is_refused(tmp_path):
+    np.savez(tmp_path / "objects.npz", xyz=np.array([{}, []], dtype=object))
+    with pytest.raises(FileError, match="no npz file of numbers"):
+        pointclouds.read(tmp_path / "objects.npz")

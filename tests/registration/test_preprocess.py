@@ -1,0 +1,83 @@
+"""Down-sampling is exact, whatever the hash does; normals are those of the nearest neighbours."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.registration.conftest import courtyard
+from urbanjax import registration
+from urbanjax.registration.cells import number_cells
+from urbanjax.registration.downsample import DownsampleParams, downsample
+from urbanjax.registration.features import FeatureParams, features
+from urbanjax.types import as_arrays
+
+downsample_jit = jax.jit(downsample)
+
+
+def voxel_means(points: np.ndarray, size: float) -> np.ndarray:
+    cells, inverse = np.unique(np.floor(points / size).astype(int), axis=0, return_inverse=True)
+    sums = np.zeros((len(cells), 3))
+    np.add.at(sums, inverse.ravel(), points)
+    return sums / np.bincount(inverse.ravel())[:, None]
+
+
+def ordered(points: np.ndarray) -> np.ndarray:
+    return points[np.lexsort(np.round(points, 3).T)]
+
+
+@pytest.mark.parametrize("slots", [512, 4096])
+def test_voxel_means_equal_numpy(slots):
+    points = courtyard(2000, 0, noise=0.3)
+    params = as_arrays(DownsampleParams(resolution=2.0, capacity=512, slots=slots))
+    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool), params)
+    expected = voxel_means(points, 2.0)
+    found = np.asarray(cloud.position).T[np.asarray(cloud.valid)]
+    assert int(dropped) == 0
+    assert len(found) == len(expected)
+    np.testing.assert_allclose(ordered(found), ordered(expected), atol=1e-4)
+
+
+def test_what_does_not_fit_is_counted_and_what_is_not_finite_does_not_count():
+    points = courtyard(2000, 0)
+    points[:5] = np.nan
+    params = as_arrays(DownsampleParams(resolution=2.0, capacity=16, slots=512))
+    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool).at[5:10].set(False), params)
+    assert int(cloud.valid.sum()) == 16
+    assert int(dropped) == len(voxel_means(points[10:], 2.0)) - 16
+    assert np.isfinite(np.asarray(cloud.position)).all()
+
+
+def test_cells_share_a_number_if_and_only_if_they_are_the_same():
+    cell = np.random.default_rng(0).integers(-9, 9, (3, 3000)).astype(np.int32)
+    number = np.asarray(jax.jit(number_cells, static_argnums=2)(cell, np.arange(3000) < 2900, 4096))
+    _, identity = np.unique(cell.T[:2900], axis=0, return_inverse=True)
+    pairs = {(a, b) for a, b in zip(identity.ravel(), number[:2900], strict=True)}
+    assert len(pairs) == len(set(number[:2900])) == identity.max() + 1
+    assert np.all(number[2900:] == 4096)
+
+
+def test_normals_are_those_of_the_ten_nearest_points():
+    points = courtyard(1000, 3)
+    valid = np.arange(1000) < 990
+    cloud, certain = jax.jit(features)(
+        registration.cloud(jnp.asarray(points), valid=jnp.asarray(valid)), as_arrays(FeatureParams(visits=63))
+    )
+    assert float(certain) == 1
+    found, normals = np.asarray(cloud.position).T, np.asarray(cloud.normal).T
+    good = 0
+    for position, normal in zip(found[np.asarray(cloud.valid)], normals[np.asarray(cloud.valid)], strict=True):
+        near = np.argsort(np.sum((points[:990] - position) ** 2, axis=1))[:10]
+        expected = np.linalg.eigh(np.cov(points[near].T))[1][:, 0]
+        good += abs(expected @ normal) > np.cos(np.radians(2.0))
+        assert normal @ position <= 1e-6
+    assert good >= 0.99 * 990
+    shape = np.asarray(cloud.covariance)[:, 0]
+    full = shape[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
+    np.testing.assert_allclose(np.linalg.eigvalsh(full), [1e-3, 1, 1], atol=1e-5)
+
+
+def test_too_few_points_have_no_surface():
+    cloud, _ = jax.jit(features)(registration.cloud(jnp.asarray(courtyard(1000, 0)), valid=jnp.arange(1000) < 4), None)
+    assert not np.asarray(cloud.normal).any()
+    assert int(cloud.valid.sum()) == 4

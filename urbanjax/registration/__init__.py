@@ -1,0 +1,19 @@
+"""Point-to-distribution registration: a scan against a map of distributions (Eq. 1-5)."""
+
+from urbanjax.registration.align import Alignment, AlignParams, align
+from urbanjax.registration.distributions import DistributionMap, MapParams, build
+from urbanjax.registration.points import PointCloud, cloud
+from urbanjax.registration.preprocess import PreprocessParams, preprocess
+
+__all__ = [
+    "AlignParams",
+    "Alignment",
+    "DistributionMap",
+    "MapParams",
+    "PointCloud",
+    "PreprocessParams",
+    "align",
+    "build",
+    "cloud",
+    "preprocess",
+]

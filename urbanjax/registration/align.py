@@ -1,0 +1,163 @@
+"""Alignment of a scan with a map of distributions: one damped Gauss-Newton loop for all methods (Eq. 1-5).
+
+Twists are ordered [omega; v] and belong to the body: T <- T exp(twist), so that the Hessian and the covariance read
+off as roll, pitch, yaw, longitudinal, lateral and vertical.
+"""
+
+import jax
+import jax.numpy as jnp
+import jaxlie
+from jax import Array, lax
+
+from urbanjax.numerics import safe
+from urbanjax.registration.correspond import correspond
+from urbanjax.registration.distributions import DistributionMap
+from urbanjax.registration.linear import FactorParams, Pairs, Rigid, System, held_cost, linearise, pairs_of, sandwich
+from urbanjax.registration.points import PointCloud
+from urbanjax.types import pytree, static
+
+
+@pytree
+class AlignParams:
+    """Correspondences, and when to stop."""
+
+    factor: FactorParams = FactorParams()
+    rotation_tolerance: float = 1.75e-3  # rad, step below which it has converged
+    translation_tolerance: float = 1e-3  # m, likewise
+    damping: float = 1e-3  # at the start, added to the diagonal of the Hessian
+    damping_factor: float = 10.0  # by which it changes
+    neighbours: int = static(default=1, metadata={"choices": (1, 7, 27)})  # voxels that a point may belong to
+    max_iterations: int = static(default=20)
+
+
+@pytree
+class Alignment:
+    """The pose, and what spoke for it in the last iteration, one step before it."""
+
+    pose: jaxlie.SE3  # T_map_body, the only field with a derivative
+    converged: Array  # [] bool
+    iterations: Array  # [] int32
+    inliers: Array  # [] number of points with a correspondence
+    inlier_share: Array  # [] of the valid points
+    matching_error: Array  # [] m, mean distance from the corresponding means (Eq. 1)
+    cost: Array  # [] half the weighted sum of squared Mahalanobis distances (Eq. 4)
+    gradient: Array  # [6] b, of the cost with frozen weights
+    hessian: Array  # [6, 6] H
+    covariance: Array  # [6, 6] of the twist [rad, m]: the sandwich H^-1 (sum g g') H^-1
+
+
+def align(
+    source: PointCloud, target: DistributionMap, start: jaxlie.SE3, params: AlignParams | None = None
+) -> Alignment:
+    """The pose of `source` in the frame of `target`, from a `start` nearby; jit it, and vmap it over starts or pairs.
+
+    Gradients of the pose with respect to the points, the map and the parameters are those of the fixed point (implicit
+    function theorem), with correspondences held; there is none with respect to the start. Failure is a value: look at
+    `converged` and `inlier_share`.
+    """
+    params = AlignParams() if params is None else params
+    begin = Rigid(start.rotation().as_matrix(), start.translation() - target.origin)
+    search = _search(*lax.stop_gradient((source, target, begin, params)))
+    pose = _implicit(search.pose, source, target, params)
+    at, near = search.system, search.near
+    distance = safe.sqrt(jnp.sum(at.residual**2, axis=0))
+    inliers = jnp.sum(near, dtype=distance.dtype)
+    total = jnp.maximum(jnp.sum(source.valid, dtype=distance.dtype), 1)
+    turn = jaxlie.SO3.from_matrix(pose.turn)
+    return Alignment(
+        pose=jaxlie.SE3.from_rotation_and_translation(turn, pose.shift + target.origin),
+        converged=search.converged,
+        iterations=search.iterations,
+        inliers=inliers,
+        inlier_share=inliers / total,
+        matching_error=jnp.sum(jnp.where(near, distance, 0)) / jnp.maximum(inliers, 1),
+        cost=at.cost,
+        gradient=at.gradient,
+        hessian=at.hessian,
+        covariance=sandwich(at, lax.stop_gradient(source)),
+    )
+
+
+def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Pairs:
+    away = lax.stop_gradient(pose.move(source.position))
+    slot = correspond(target, away, source.valid, params.neighbours)
+    return pairs_of(target, slot, away, params.factor)
+
+
+@pytree
+class _Search:
+    """What the loop carries."""
+
+    pose: Rigid  # from the map's origin
+    damping: Array
+    iterations: Array
+    converged: Array
+    system: System  # of the last iteration
+    near: Array  # [N] bool, likewise
+
+
+def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: AlignParams) -> _Search:
+    """The loop: linearise, step, and damp more where the step did not lower the cost. Not differentiated."""
+    n, dtype = source.valid.shape[0], start.shift.dtype
+    eye = jnp.eye(6, dtype=dtype)
+
+    def unfinished(now: _Search) -> Array:
+        return (now.iterations < params.max_iterations) & ~now.converged
+
+    def iterate(now: _Search) -> _Search:
+        pairs = _pairing(now.pose, source, target, params)
+        at = linearise(now.pose, source, pairs, target, params.factor)
+        twist = -jnp.linalg.solve(at.hessian + now.damping * eye, at.gradient)
+        trial = now.pose.step(twist)
+        # Near the minimum the cost is flat, and what rounding adds is no reason to refuse a step.
+        better = held_cost(trial, at, now.pose, source, pairs) <= at.cost * (1 + 16 * jnp.finfo(dtype).eps)
+        turned, moved = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
+        small = (turned <= params.rotation_tolerance**2) & (moved <= params.translation_tolerance**2)
+        return _Search(
+            pose=jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, now.pose),
+            damping=now.damping * jnp.where(better, 1 / params.damping_factor, params.damping_factor),
+            iterations=now.iterations + 1,
+            converged=better & small,
+            system=at,
+            near=pairs.near,
+        )
+
+    def nothing(*shape: int) -> Array:
+        return jnp.zeros(shape, dtype)
+
+    first = _Search(
+        pose=start,
+        damping=jnp.asarray(params.damping, dtype),
+        iterations=jnp.asarray(0, jnp.int32),
+        converged=jnp.asarray(False),
+        system=System(eye, nothing(6), nothing(), nothing(3, n), nothing(6, n), nothing(n)),
+        near=jnp.zeros(n, bool),
+    )
+    return lax.while_loop(unfinished, iterate, first)
+
+
+@jax.custom_jvp
+def _implicit(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Rigid:
+    """The pose itself, with the derivative of the fixed point sum J' Omega e = 0 by all but the pose.
+
+    -(dF/d twist)^-1 dF/d theta; dF/d twist, by six forward-mode columns, holds the derivatives of J and Omega too, and
+    is not the Hessian of the frozen problem.
+    """
+    return pose
+
+
+@_implicit.defjvp
+def _implicit_jvp(primals: tuple, tangents: tuple) -> tuple[Rigid, Rigid]:
+    pose, source, target, params = primals
+    away = pose.move(source.position)
+    slot = correspond(target, away, source.valid, params.neighbours)
+
+    def force(twist: Array, source: PointCloud, target: DistributionMap, params: AlignParams) -> Array:
+        pairs = pairs_of(target, slot, away, params.factor)
+        return linearise(pose.step(twist), source, pairs, target, params.factor).gradient
+
+    zero = jnp.zeros(6, pose.shift.dtype)
+    slope = jax.jacfwd(lambda twist: force(twist, source, target, params))(zero)
+    _, change = jax.jvp(lambda *theta: force(zero, *theta), (source, target, params), tuple(tangents[1:]))
+    twist = -jnp.linalg.solve(slope, change)
+    return pose, jax.jvp(pose.step, (zero,), (twist,))[1]

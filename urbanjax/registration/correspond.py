@@ -1,0 +1,38 @@
+"""Which distribution of the map each point belongs to."""
+
+import itertools
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float, Int
+
+from urbanjax.registration.distributions import DistributionMap, cell_of, index_of
+
+_AXES = ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+OFFSETS = {1: _AXES[:1], 7: _AXES, 27: tuple(itertools.product((-1, 0, 1), repeat=3))}
+
+
+def correspond(
+    target: DistributionMap, away: Float[Array, "3 n"], valid: Bool[Array, " n"], neighbours: int
+) -> Int[Array, " n"]:
+    """The row of the map's distribution nearest to each point, among the voxels around it; the last row if none.
+
+    Args: away [3, N] m from the map's origin; neighbours, voxels to look at: 1 (the point's own), 7 or 27.
+    """
+    nothing = target.rows.shape[0] - 1
+    cell, _ = cell_of(away, target.resolution, target.shape)
+    best, slot = jnp.full(away.shape[1:], jnp.inf, away.dtype), jnp.full(away.shape[1:], nothing, jnp.int32)
+    for offset in OFFSETS[neighbours]:
+        near = cell + jnp.array(offset, jnp.int32)[:, None]
+        inside = valid
+        for i in range(3):
+            inside = inside & (near[i] >= 0) & (near[i] < target.shape[i])
+        found = jnp.where(inside, target.table[jnp.where(inside, index_of(near, target.shape), 0)], nothing)
+        if neighbours == 1:
+            slot = found
+            break
+        row = target.rows[found].T
+        distance = jnp.where(row[9] > 0, jnp.sum((row[:3] - away) ** 2, axis=0), jnp.inf)
+        slot = jnp.where(distance < best, found, slot)
+        best = jnp.minimum(best, distance)
+    return slot

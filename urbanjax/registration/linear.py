@@ -1,0 +1,177 @@
+"""The linearised registration problem: Hessian, gradient and cost at a pose, correspondences given (Eq. 3-5)."""
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Float, Int
+
+from urbanjax.numerics import safe, symmetric
+from urbanjax.registration import kernels
+from urbanjax.registration.distributions import DistributionMap
+from urbanjax.registration.kernels import KERNELS
+from urbanjax.registration.points import PointCloud
+from urbanjax.types import pytree, static
+
+WEIGHTS = ("one", "sqrt_count", "count")
+
+
+@pytree
+class FactorParams:
+    """What counts as a correspondence, and what it weighs."""
+
+    max_distance: float = 1.0  # m, of a point from its distribution's mean
+    kernel_scale: float = 3.0  # [-], Mahalanobis distance at which a robust kernel sets in
+    outlier_share: float = 0.55  # of points that the map does not explain (ndt only)
+    weight: str = static(default="one", metadata={"choices": WEIGHTS})  # by the number of points of the voxel
+    kernel: str = static(default="none", metadata={"choices": KERNELS})
+
+
+@pytree
+class Rigid:
+    """A pose as matrix and translation, which costs fewer operations in a loop than a quaternion."""
+
+    turn: Array  # [3, 3]
+    shift: Array  # [3] m
+
+    def move(self, points: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
+        """R s + t."""
+        x, y, z = points
+        return jnp.stack(
+            [self.turn[i, 0] * x + self.turn[i, 1] * y + self.turn[i, 2] * z + self.shift[i] for i in range(3)]
+        )
+
+    def back(self, vectors: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
+        """R' v."""
+        x, y, z = vectors
+        r = self.turn
+        return jnp.stack([r[0, i] * x + r[1, i] * y + r[2, i] * z for i in range(3)])
+
+    def step(self, twist: Float[Array, "6"]) -> "Rigid":
+        """T exp(twist), twist [omega; v]."""
+        square = jnp.sum(twist[:3] ** 2)
+        small = square < 1e-8
+        angle = jnp.sqrt(jnp.where(small, 1.0, square))
+        a = jnp.where(small, 1 - square / 6, jnp.sin(angle) / angle)
+        b = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / jnp.where(small, 1.0, square))
+        c = jnp.where(small, 1 / 6 - square / 120, (1 - a) / jnp.where(small, 1.0, square))
+        cross = jnp.tensordot(twist[:3], jnp.asarray(SKEW, twist.dtype), axes=1, precision=lax.Precision.HIGHEST)
+        again = jnp.matmul(cross, cross, precision=lax.Precision.HIGHEST)
+        eye = jnp.eye(3, dtype=twist.dtype)
+        along = jnp.matmul(eye + b * cross + c * again, twist[3:], precision=lax.Precision.HIGHEST)
+        turn = jnp.matmul(self.turn, eye + a * cross + b * again, precision=lax.Precision.HIGHEST)
+        return Rigid(turn, self.shift + jnp.matmul(self.turn, along, precision=lax.Precision.HIGHEST))
+
+
+@pytree
+class Pairs:
+    """Correspondences: what the map holds for each point."""
+
+    mean: Array  # [3, N] m from the map's origin
+    covariance: Array  # [6, N]
+    weight: Array  # [N] 0 without a correspondence
+    near: Array  # [N] bool, there is one
+
+
+@pytree
+class System:
+    """The problem at one pose, for twists [omega; v] of the body."""
+
+    hessian: Array  # [6, 6]
+    gradient: Array  # [6]
+    cost: Array  # []
+    residual: Array  # [3, N] m in the body frame
+    information: Array  # [6, N] in the body frame
+    weight: Array  # [N]
+
+
+def pairs_of(target: DistributionMap, slot: Int[Array, " n"], away: Float[Array, "3 n"], params: FactorParams) -> Pairs:
+    """What the map holds in its rows `slot` [N], for points `away` [3, N] (m) from its origin; nothing if too far."""
+    rows = target.rows[slot].T
+    count = rows[9]
+    near = (count > 0) & (jnp.sum((rows[:3] - away) ** 2, axis=0) <= params.max_distance**2)
+    weight = {"one": jnp.ones_like, "sqrt_count": safe.sqrt, "count": lambda c: c}[params.weight](count)
+    ball = jnp.array([1, 0, 0, 1, 0, 1], count.dtype)[:, None]
+    return Pairs(
+        mean=rows[:3], covariance=jnp.where(near[None], rows[3:9], ball), weight=jnp.where(near, weight, 0), near=near
+    )
+
+
+def linearise(pose: Rigid, source: PointCloud, pairs: Pairs, target: DistributionMap, params: FactorParams) -> System:
+    """Hessian, gradient and cost at a pose relative to the map's origin, with Omega frozen (Eq. 3-4).
+
+    In the body frame, where J = [[s]x, -I] does not depend on the pose: every sum over the points is one entry of the
+    product of (1, s, s s') with (Omega, Omega e, e' Omega e), and H and b are linear in those.
+    """
+    residual = pose.back(pairs.mean - pose.move(source.position))
+    sigma = symmetric.congruence(pose.turn.T, pairs.covariance)
+    if target.method == "vgicp":
+        sigma = sigma + source.covariance
+    information = symmetric.inverse(sigma)
+    pulled = symmetric.product(information, residual)
+    squared = symmetric.inner(residual, pulled)
+    if target.method == "ndt":
+        weight = pairs.weight * kernels.likelihood(squared, params.outlier_share, target.resolution)
+    else:
+        weight = pairs.weight * kernels.weight(squared, params.kernel, params.kernel_scale)
+    moments = jnp.concatenate([jnp.ones_like(squared)[None], source.position, symmetric.outer(source.position)])
+    values = jnp.concatenate([information, pulled, squared[None]]) * weight[None]
+    sums = _product(moments, values)
+    system = jnp.matmul(jnp.asarray(ASSEMBLY, sums.dtype), sums.reshape(100), precision=lax.Precision.HIGHEST)
+    return System(system[:36].reshape(6, 6), system[36:42], system[42], residual, information, weight)
+
+
+def held_cost(pose: Rigid, at: System, before: Rigid, source: PointCloud, pairs: Pairs) -> Float[Array, ""]:
+    """The cost at another pose with correspondences and weights held. Args: before, the pose of `at`."""
+    residual = before.back(pairs.mean - pose.move(source.position))
+    return jnp.dot(at.weight, symmetric.inner(residual, symmetric.product(at.information, residual))) / 2
+
+
+def sandwich(at: System, source: PointCloud) -> Float[Array, "6 6"]:
+    """Covariance of the twist, H^-1 (sum g g') H^-1 with g = J' Omega e: regularised covariances have no scale."""
+    pulled = symmetric.product(at.information, at.residual) * at.weight[None]
+    x, y, z = source.position
+    turning = jnp.stack([y * pulled[2] - z * pulled[1], z * pulled[0] - x * pulled[2], x * pulled[1] - y * pulled[0]])
+    each = jnp.concatenate([turning, pulled])
+    half = _solve(at.hessian, _product(each, each))
+    return _solve(at.hessian, half.T)
+
+
+def _solve(hessian: Array, right: Array) -> Array:
+    """H^-1 right; a direction without any information is held back instead of dividing by zero."""
+    scale = jnp.maximum(jnp.trace(hessian), 1e-6)
+    eye = jnp.eye(6, dtype=hessian.dtype)
+    return jnp.linalg.solve(hessian + jnp.finfo(hessian.dtype).eps * scale * eye, right)
+
+
+def _product(a: Array, b: Array) -> Array:
+    return lax.dot_general(a, b, (((1,), (1,)), ((), ())), precision=lax.Precision.HIGHEST)
+
+
+# [e]x for the three unit vectors: [s]x = sum_c s_c SKEW[c].
+SKEW = np.cross(np.eye(3)[:, None, :], np.eye(3)[None, :, :]).transpose(0, 2, 1)
+
+
+def _assembly() -> np.ndarray:
+    """[43, 100]: H (36), b (6) and the cost from the ten moments times the ten values."""
+    place = np.array(symmetric.PLACE)
+    out = np.zeros((43, 10, 10))
+    hessian = out[:36].reshape(6, 6, 10, 10)
+    for k in range(3):
+        for m in range(3):
+            entry = place[k, m]
+            hessian[3 + k, 3 + m, 0, entry] += 1
+            for c in range(3):
+                # H_rt = -[s]x' Omega = [s]x Omega
+                hessian[:3, 3 + m, 1 + c, entry] += SKEW[c][:, k]
+                hessian[3 + m, :3, 1 + c, entry] += SKEW[c][:, k]
+                for d in range(3):
+                    hessian[:3, :3, 4 + place[c, d], entry] += np.outer(SKEW[c][k], SKEW[d][m])
+    for k in range(3):
+        out[36 + 3 + k, 0, 6 + k] -= 1
+        for c in range(3):
+            out[36:39, 1 + c, 6 + k] -= SKEW[c][:, k]
+    out[42, 0, 9] = 0.5
+    return out.reshape(43, 100)
+
+
+ASSEMBLY = _assembly()
