@@ -118,14 +118,16 @@ def test_a_batch_of_starts_equals_the_runs_one_by_one(pair, x64):
     source, target = in_double(pair[0]), in_double(pair[1])
     world = jax.jit(registration.build)(target, as_arrays(MAP))
     params = as_arrays(AlignParams())
-    twists = 0.1 * np.random.default_rng(1).normal(size=(16, 6))
+    twists = 0.1 * np.random.default_rng(1).normal(size=(64, 6))
     starts = jax.vmap(jaxlie.SE3.exp)(jnp.asarray(twists))
     one = jax.jit(lambda start: registration.align(source, world, start, params))
-    many = jax.jit(jax.vmap(lambda start: registration.align(source, world, start, params)))(starts)
-    for i in range(16):
+    together = jax.jit(jax.vmap(lambda start: registration.align(source, world, start, params)))(starts)
+    in_turn = jax.jit(lambda starts: registration.align_starts(source, world, starts, params, at_once=4))(starts)
+    for i in range(len(twists)):
         alone = one(jax.tree.map(lambda x, i=i: x[i], starts))
-        np.testing.assert_allclose(many.pose.wxyz_xyz[i], alone.pose.wxyz_xyz, rtol=0, atol=1e-9)
-        assert int(many.iterations[i]) == int(alone.iterations)
+        for many in (together, in_turn):
+            np.testing.assert_allclose(many.pose.wxyz_xyz[i], alone.pose.wxyz_xyz, rtol=0, atol=1e-9)
+            assert int(many.iterations[i]) == int(alone.iterations)
 
 
 def test_kilometres_from_the_origin_the_answer_is_the_same_within_a_millimetre(pair, align_jit, build_jit):

@@ -86,24 +86,36 @@ def distances(blocks: Blocks) -> Float[Array, "g b c"]:
     return jnp.where(blocks.valid[blocks.near].reshape(count, 1, -1), squared, jnp.inf)
 
 
-def reach(squared: Float[Array, "g b c"], k: int, steps: int = 18) -> Float[Array, "g b"]:
-    """A squared distance [G, B] from the k-th candidate's on, by at most 2^-steps of the farthest of the first B.
+def reach(squared: Float[Array, "g b c"], k: int, steps: int = 12) -> Float[Array, "g b"]:
+    """A squared distance [G, B] at which at least k candidates are as near, and for nearly all points exactly k.
 
-    With too few candidates it is inf. Found by halving, which needs no sorting.
+    With too few candidates it is inf. Counting candidates at distances between two bounds, which close in by false
+    position (on a surface the count grows with the squared distance), needs no sorting.
     """
-    first = squared[..., : max(squared.shape[1], k)]
-    counted = jnp.sum(jnp.isfinite(first), axis=-1)
-    farthest = jnp.max(jnp.where(jnp.isfinite(first), first, 0), axis=-1)
-    everywhere = jnp.max(jnp.where(jnp.isfinite(squared), squared, 0), axis=-1)
-    low, high = jnp.zeros(squared.shape[:2], squared.dtype), jnp.where(counted >= k, farthest, everywhere)
+    own = squared[..., : max(squared.shape[1], k)]  # of the point's own block: a bound close by
+    finite = jnp.isfinite(own)
+    close = jnp.max(jnp.where(finite, own, 0), axis=-1)
+    far = jnp.max(jnp.where(jnp.isfinite(squared), squared, 0), axis=-1)
 
-    def halve(_: Array, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = bounds
-        middle = (low + high) / 2
-        enough = jnp.sum(squared <= middle[..., None], axis=-1, dtype=jnp.int32) >= k
-        return jnp.where(enough, low, middle), jnp.where(enough, middle, high)
+    def count(bound: Array) -> Array:
+        return jnp.sum(squared <= bound[..., None], axis=-1, dtype=jnp.int32).astype(squared.dtype)
 
-    _, high = lax.fori_loop(0, steps, halve, (low, high))
+    def narrow(_: Array, bounds: tuple[Array, ...]) -> tuple[Array, ...]:
+        low, high, few, many = bounds
+        share = (k - 0.5 - few) / jnp.maximum(many - few, 1)
+        middle = low + (high - low) * jnp.clip(share, 0.05, 0.95)
+        found = count(middle)
+        enough = found >= k
+        return (
+            jnp.where(enough, low, middle),
+            jnp.where(enough, middle, high),
+            jnp.where(enough, few, found),
+            jnp.where(enough, found, many),
+        )
+
+    high = jnp.where(jnp.sum(finite, axis=-1) >= k, close, far)
+    first = jnp.zeros_like(high), high, jnp.ones_like(high), count(high)
+    _, high, _, _ = lax.fori_loop(0, steps, narrow, first)
     return jnp.where(jnp.sum(jnp.isfinite(squared), axis=-1) >= k, high, jnp.inf)
 
 

@@ -1,6 +1,6 @@
 """Point-to-distribution registration: a scan against a map of distributions (Eq. 1-5)."""
 
-from urbanjax.registration.align import Alignment, AlignParams, align
+from urbanjax.registration.align import Alignment, AlignParams, align, align_starts
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
 from urbanjax.registration.points import PointCloud, cloud
 from urbanjax.registration.preprocess import PreprocessParams, preprocess
@@ -13,6 +13,7 @@ __all__ = [
     "PointCloud",
     "PreprocessParams",
     "align",
+    "align_starts",
     "build",
     "cloud",
     "preprocess",

@@ -78,6 +78,21 @@ def align(
     )
 
 
+def align_starts(
+    source: PointCloud,
+    target: DistributionMap,
+    starts: jaxlie.SE3,
+    params: AlignParams | None = None,
+    at_once: int = 1,
+) -> Alignment:
+    """The alignments from many starts of one pair, stacked along the first axis.
+
+    Args: starts, stacked poses; at_once, how many run together: 1 on a CPU, where each then stops when it has converged
+    instead of waiting for the slowest, many on a GPU.
+    """
+    return lax.map(lambda start: align(source, target, start, params), starts, batch_size=at_once)
+
+
 def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Pairs:
     away = lax.stop_gradient(pose.move(source.position))
     slot = correspond(target, away, source.valid, params.neighbours)
