@@ -83,7 +83,8 @@ def distances(blocks: Blocks) -> Float[Array, "g b c"]:
     squared = jnp.zeros((), blocks.position.dtype)
     for here, there in zip(blocks.position, candidates, strict=True):
         squared = squared + (here[:, :, None] - there) ** 2
-    return jnp.where(blocks.valid[blocks.near].reshape(count, 1, -1), squared, jnp.inf)
+    # Kept apart from what follows, or each use would compute the distances anew.
+    return lax.optimization_barrier(jnp.where(blocks.valid[blocks.near].reshape(count, 1, -1), squared, jnp.inf))
 
 
 def reach(squared: Float[Array, "g b c"], k: int, steps: int = 12) -> Float[Array, "g b"]:
