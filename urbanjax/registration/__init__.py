@@ -1,6 +1,7 @@
 """Point-to-distribution registration: a scan against a map of distributions (Eq. 1-5)."""
 
 from urbanjax.registration.align import Alignment, AlignParams, align, align_starts
+from urbanjax.registration.degeneracy import Degeneracy, DegeneracyParams, degeneracy
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
 from urbanjax.registration.points import PointCloud, cloud
 from urbanjax.registration.preprocess import PreprocessParams, preprocess
@@ -8,6 +9,8 @@ from urbanjax.registration.preprocess import PreprocessParams, preprocess
 __all__ = [
     "AlignParams",
     "Alignment",
+    "Degeneracy",
+    "DegeneracyParams",
     "DistributionMap",
     "MapParams",
     "PointCloud",
@@ -16,5 +19,6 @@ __all__ = [
     "align_starts",
     "build",
     "cloud",
+    "degeneracy",
     "preprocess",
 ]

@@ -1,0 +1,60 @@
+"""Which directions a registration says nothing about: corridors, planes, open fields."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.types import pytree
+
+
+@pytree
+class DegeneracyParams:
+    """When a direction counts as unobserved."""
+
+    share: float = 0.01  # of the information on all three directions, below which one is degenerate
+
+
+@pytree
+class Directions:
+    """Three orthogonal directions of the body frame, from the least to the best observed."""
+
+    axes: Array  # [3, 3] unit vectors, one per row
+    share: Array  # [3] of the information; they sum to 1
+    degenerate: Array  # [3] bool
+
+
+@pytree
+class Degeneracy:
+    """Translation and rotation apart, each with the other one free."""
+
+    translation: Directions
+    rotation: Directions
+
+
+def degeneracy(hessian: Float[Array, "6 6"], params: DegeneracyParams | None = None) -> Degeneracy:
+    """How much is known about each direction, without unit or scale.
+
+    The information on translation with the rotation unknown is the Schur complement H_vv - H_vr H_rr^-1 H_rv, and the
+    other way round; a direction is judged by its share of it, so that neither the number of points, the noise nor the
+    mix of radians and metres matters. Args: hessian of an `Alignment`, twists [omega; v].
+    """
+    params = DegeneracyParams() if params is None else params
+    turning, mixed, moving = hessian[:3, :3], hessian[:3, 3:], hessian[3:, 3:]
+    return Degeneracy(
+        translation=_directions(moving - mixed.T @ _solved(turning, mixed), params),
+        rotation=_directions(turning - mixed @ _solved(moving, mixed.T), params),
+    )
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """M^-1 right, finite where M says nothing at all."""
+    least = 1e-6 * jnp.maximum(jnp.trace(matrix), 1e-6)
+    return jnp.linalg.solve(matrix + least * jnp.eye(3, dtype=matrix.dtype), right)
+
+
+def _directions(information: Array, params: DegeneracyParams) -> Directions:
+    values, vectors = jnp.linalg.eigh((information + information.T) / 2)
+    values = jnp.maximum(values, 0)
+    total = jnp.sum(values)
+    share = jnp.where(total > 0, values / jnp.where(total > 0, total, 1), 0)
+    return Directions(axes=vectors.T, share=share, degenerate=share < params.share)
