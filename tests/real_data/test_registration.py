@@ -8,6 +8,7 @@ import pytest
 
 from urbanjax import registration
 from urbanjax.io import pointclouds
+from urbanjax.io.poses import read_kitti
 from urbanjax.registration import AlignParams, MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.registration.points import PointCloud
@@ -50,8 +51,7 @@ def test_outdoor_pair(data_dir):
 
 def test_every_step_of_kitti(data_dir):
     folder = data_dir / "lidar" / "kitti00"
-    flat = np.loadtxt(folder / "ref_small_gicp_poses_velo.txt").reshape(-1, 3, 4)
-    poses = np.concatenate([flat, np.tile([[[0, 0, 0, 1]]], (len(flat), 1, 1))], axis=1)
+    poses = read_kitti(folder / "ref_small_gicp_poses_velo.txt")
     maps, params = as_arrays((MapParams(), AlignParams()))
     before, step = None, jaxlie.SE3.identity()
     for k, pose in enumerate(poses):
@@ -68,8 +68,7 @@ def test_every_step_of_kitti(data_dir):
 
 def test_ouster_steps(data_dir):
     folder = data_dir / "lidar" / "ouster"
-    flat = np.loadtxt(folder / "OS-1-128_v2.3.0_1024x10_lb_n3_poses_kitti.txt").reshape(-1, 3, 4)
-    poses = np.concatenate([flat, np.tile([[[0, 0, 0, 1]]], (len(flat), 1, 1))], axis=1)
+    poses = read_kitti(folder / "OS-1-128_v2.3.0_1024x10_lb_n3_poses_kitti.txt")
     file = folder / "OS-1-128_v2.3.0_1024x10_lb_n3_xyz.npz"
     scans = [prepared(pointclouds.read(file, f"scan{k}"), 0.5) for k in range(3)]
     for k in (1, 2):
