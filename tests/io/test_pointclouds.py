@@ -18,6 +18,20 @@ def table(order: str) -> bytes:
     return np.hstack([POINTS, np.ones((20, 1))]).astype(f"{order}f4").tobytes()
 
 
+def pcd(kind: str, rows: bytes, fields: str = "x y z intensity", points: int = 20) -> bytes:
+    head = ["# .PCD v0.7", "VERSION 0.7", f"FIELDS {fields}", "SIZE 4 4 4 4", "TYPE F F F F", "COUNT 1 1 1 1"]
+    return "\n".join([*head, f"WIDTH {points}", "HEIGHT 1", f"POINTS {points}", f"DATA {kind}", ""]).encode() + rows
+
+
+def packed(rows: bytes) -> bytes:
+    """Field by field in LZF: literals, and one long reference for the ones of the last field."""
+    columns = np.frombuffer(rows, "<f4").reshape(20, 4).T
+    literal = columns[:3].tobytes() + columns[3, :1].tobytes()
+    out = b"".join(bytes([len(part) - 1]) + part for part in (literal[i : i + 32] for i in range(0, len(literal), 32)))
+    out += bytes([7 << 5, 76 - 2 - 7, 3])  # 76 bytes from 4 back
+    return np.array([len(out), len(rows)], "<u4").tobytes() + out
+
+
 def written(folder, name: str, data: bytes):
     path = folder / name
     path.write_bytes(data)
@@ -31,6 +45,9 @@ def test_every_format_gives_the_points_back(tmp_path):
         written(tmp_path, "big.ply", ply("binary_big_endian", table(">"))),
         written(tmp_path, "text.ply", ply("ascii", ascii_rows)),
         written(tmp_path, "scan.bin", table("<")),
+        written(tmp_path, "text.pcd", pcd("ascii", ascii_rows)),
+        written(tmp_path, "binary.pcd", pcd("binary", table("<"))),
+        written(tmp_path, "packed.pcd", pcd("binary_compressed", packed(table("<")))),
         tmp_path / "scan.npz",
     ]
     np.savez(tmp_path / "scan.npz", xyz=np.concatenate([POINTS, np.zeros((4, 3))]).reshape(4, 6, 3))
@@ -47,7 +64,7 @@ def test_a_named_array_of_an_archive(tmp_path):
 
 BAD = {
     "no such file": ("none.bin", None, "there is no such file"),
-    "unknown suffix": ("scan.las", b"", r"no reader for '\.las'; use one of \.ply, \.bin, \.npz"),
+    "unknown suffix": ("scan.las", b"", r"no reader for '\.las'; use one of \.ply, \.pcd, \.bin, \.npz"),
     "truncated scan": ("scan.bin", table("<")[:-3], "no whole number"),
     "empty scan": ("scan.bin", b"", "holds no points"),
     "no header": ("scan.ply", b"x y z", "no PLY file"),
@@ -57,6 +74,14 @@ BAD = {
     "unknown format": ("scan.ply", ply("zip", table("<")), "no known format"),
     "huge count": ("scan.ply", ply("binary_little_endian", table("<"), count=10**12), "bytes, but 320 are left"),
     "a list": ("scan.ply", ply("ascii", b"").replace(b"float x", b"list uchar int x"), "cannot read the vertex"),
+    "no PCD": ("scan.pcd", b"x y z", "no PCD file"),
+    "truncated PCD": ("scan.pcd", pcd("binary", table("<")[:-1]), "need 320 bytes, but 319"),
+    "truncated PCD text": ("scan.pcd", pcd("ascii", b"1 2 3 4"), "20 rows of 4 numbers"),
+    "PCD without z": ("scan.pcd", pcd("binary", table("<"), "x y a b"), "have no z"),
+    "unknown PCD": ("scan.pcd", pcd("zip", table("<")), "DATA is 'zip'"),
+    "damaged PCD": ("scan.pcd", pcd("binary_compressed", packed(table("<"))[:-1] + b"\xff"), "damaged"),
+    "short PCD": ("scan.pcd", pcd("binary_compressed", packed(table("<"))[:-5]), "truncated"),
+    "huge PCD": ("scan.pcd", pcd("binary", b"", points=10**12), "but 0 are left"),
     "not finite": ("scan.bin", np.full(8, np.nan, "<f4").tobytes(), "2 points are not finite"),
     "no archive": ("scan.npz", b"PK but no more", "no npz file"),
 }

@@ -1,10 +1,11 @@
-"""Point clouds from files: PLY, KITTI bin and npz; every file is checked before anything is used."""
+"""Point clouds from files: PLY, PCD, KITTI bin and npz; every file is checked before anything is used."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from urbanjax.io.pcd import read_pcd
 from urbanjax.types import FileError
 
 LARGEST = 512 * 2**20  # bytes, of a file
@@ -117,4 +118,9 @@ def _ply_ascii(path: Path, body: bytes, count: int, names: list[str]) -> np.ndar
     return table[:, [names.index(name) for name in "xyz"]]
 
 
-READERS: dict[str, Callable[..., np.ndarray]] = {".ply": read_ply, ".bin": read_kitti, ".npz": read_npz}
+READERS: dict[str, Callable[..., np.ndarray]] = {
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".bin": read_kitti,
+    ".npz": read_npz,
+}
