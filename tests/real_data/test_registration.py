@@ -1,7 +1,6 @@
 """Registration of real scans against their published poses, from files to poses."""
 
 import jax
-import jax.numpy as jnp
 import jaxlie
 import numpy as np
 import pytest
@@ -23,9 +22,7 @@ preprocess_jit, build_jit, align_jit = (
 
 def prepared(points: np.ndarray, resolution: float) -> PointCloud:
     params = PreprocessParams(downsample=DownsampleParams(resolution=resolution, capacity=16384))
-    padded = np.zeros((CAPACITY, 3), np.float32)
-    padded[: len(points)] = points
-    cloud, info = preprocess_jit(jnp.asarray(padded), jnp.arange(CAPACITY) < len(points), as_arrays(params))
+    cloud, info = preprocess_jit(*registration.padded(points, CAPACITY), as_arrays(params))
     assert int(info.dropped) == 0
     return cloud
 

@@ -10,7 +10,7 @@ from urbanjax import registration
 from urbanjax.registration.cells import number_cells
 from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.registration.features import FeatureParams, features
-from urbanjax.types import as_arrays
+from urbanjax.types import CloudError, as_arrays
 
 downsample_jit = jax.jit(downsample)
 
@@ -81,3 +81,25 @@ def test_too_few_points_have_no_surface():
     cloud, _ = jax.jit(features)(registration.cloud(jnp.asarray(courtyard(1000, 0)), valid=jnp.arange(1000) < 4), None)
     assert not np.asarray(cloud.normal).any()
     assert int(cloud.valid.sum()) == 4
+
+
+def test_padding_takes_the_origin_off_in_double_precision():
+    points = courtyard(100, 0) + np.array([4e6, -3e6, 0.0])
+    position, valid = registration.padded(points, 128, (4e6, -3e6, 0.0))
+    assert position.shape == (128, 3)
+    assert valid.sum() == 100
+    np.testing.assert_allclose(position[:100], courtyard(100, 0), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.zeros((0, 3)), r"shape \(0, 3\)"),
+        (np.zeros((5, 2)), r"shape \(5, 2\)"),
+        (np.zeros((9, 3)), "9 points do not fit the capacity 8"),
+        (np.full((2, 3), np.nan), "2 points are not finite"),
+    ],
+)
+def test_a_bad_cloud_is_named(points, message):
+    with pytest.raises(CloudError, match=message):
+        registration.padded(points, 8)

@@ -12,6 +12,8 @@ from urbanjax.numerics import safe
 ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 PLACE = ((0, 1, 2), (1, 3, 4), (2, 4, 5))  # of entry (i, j) among the six
 
+IDENTITY = (1, 0, 0, 1, 0, 1)
+
 
 def pack(matrix: Float[Array, "*n 3 3"]) -> Float[Array, "6 *n"]:
     """The six entries of symmetric matrices."""

@@ -3,7 +3,7 @@
 from urbanjax.registration.align import Alignment, AlignParams, align, align_starts
 from urbanjax.registration.degeneracy import Degeneracy, DegeneracyParams, degeneracy
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
-from urbanjax.registration.points import PointCloud, cloud
+from urbanjax.registration.points import PointCloud, cloud, padded
 from urbanjax.registration.preprocess import PreprocessParams, preprocess
 
 __all__ = [
@@ -20,5 +20,6 @@ __all__ = [
     "build",
     "cloud",
     "degeneracy",
+    "padded",
     "preprocess",
 ]

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
+from urbanjax.numerics import symmetric
 from urbanjax.registration.cells import number_cells
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
@@ -46,5 +47,5 @@ def downsample(
 
 def _bare(position: Array, valid: Array) -> PointCloud:
     n = position.shape[0]
-    ball = jnp.broadcast_to(jnp.array([1, 0, 0, 1, 0, 1], position.dtype)[:, None], (6, n))
+    ball = jnp.broadcast_to(jnp.array(symmetric.IDENTITY, position.dtype)[:, None], (6, n))
     return PointCloud(position.T, ball, jnp.zeros((3, n), position.dtype), valid)

@@ -40,7 +40,7 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
     towards = jnp.where(symmetric.inner(normal, position) > 0, -1, 1)
     surface = blocks.valid.reshape(-1) & (count >= params.least)
     normal = jnp.where(surface[None], normal * towards[None], 0)
-    ball = jnp.array([1, 0, 0, 1, 0, 1], position.dtype)[:, None]
+    ball = jnp.array(symmetric.IDENTITY, position.dtype)[:, None]
     flat = ball - (1 - params.thickness) * symmetric.outer(normal)
     valid = blocks.valid.reshape(-1)[:n]
     exact = (bound <= blocks.beyond[:, None]).reshape(-1)[:n] & enough

@@ -90,7 +90,7 @@ def pairs_of(target: DistributionMap, slot: Int[Array, " n"], away: Float[Array,
     count = rows[9]
     near = (count > 0) & (jnp.sum((rows[:3] - away) ** 2, axis=0) <= params.max_distance**2)
     weight = {"one": jnp.ones_like, "sqrt_count": safe.sqrt, "count": lambda c: c}[params.weight](count)
-    ball = jnp.array([1, 0, 0, 1, 0, 1], count.dtype)[:, None]
+    ball = jnp.array(symmetric.IDENTITY, count.dtype)[:, None]
     return Pairs(
         mean=rows[:3], covariance=jnp.where(near[None], rows[3:9], ball), weight=jnp.where(near, weight, 0), near=near
     )

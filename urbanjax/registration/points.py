@@ -1,10 +1,12 @@
 """Point clouds of static capacity: structures of arrays, points last, so that arithmetic on them vectorises."""
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.types import pytree
+from urbanjax.numerics import symmetric
+from urbanjax.types import CloudError, pytree
 
 
 @pytree
@@ -17,22 +19,39 @@ class PointCloud:
     valid: Array  # [N] bool
 
 
+def padded(
+    points: np.ndarray, capacity: int, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points [N, 3] (m) of any number as float32 [capacity, 3] and a mask, on the host: one shape, one compilation.
+
+    Raises CloudError if there are none, more than `capacity`, or some that are not finite. Args: origin [m], taken off
+    in double precision: map coordinates of many kilometres have no millimetres in float32.
+    """
+    points = np.asarray(points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise CloudError(f"a cloud of shape {points.shape} was given: points [N, 3] with N > 0 are needed")
+    if len(points) > capacity:
+        raise CloudError(f"{len(points)} points do not fit the capacity {capacity}: raise it, or thin them out first")
+    if not np.isfinite(points).all():
+        raise CloudError(f"{int((~np.isfinite(points)).any(1).sum())} points are not finite: remove them")
+    out = np.zeros((capacity, 3), np.float32)
+    out[: len(points)] = points - np.asarray(origin)
+    return out, np.arange(capacity) < len(points)
+
+
 def cloud(
     position: Float[Array, "n 3"],
     covariance: Float[Array, "n 3 3"] | None = None,
     valid: Bool[Array, " n"] | None = None,
-    capacity: int | None = None,
 ) -> PointCloud:
-    """A cloud from points [N, 3] (m), padded to `capacity` invalid ones. Without covariances they are the identity."""
+    """A cloud from points [N, 3] (m) with covariances [N, 3, 3], by default the identity."""
     n = position.shape[0]
-    more = 0 if capacity is None else capacity - n
     eye = jnp.broadcast_to(jnp.eye(3, dtype=position.dtype), (n, 3, 3))
     shape = eye if covariance is None else covariance
     there = jnp.ones(n, bool) if valid is None else valid
-    entries = jnp.stack([shape[:, i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))])
     return PointCloud(
-        position=jnp.pad(position.T, ((0, 0), (0, more))),
-        covariance=jnp.pad(entries, ((0, 0), (0, more))),
-        normal=jnp.zeros((3, n + more), position.dtype),
-        valid=jnp.pad(there, (0, more)),
+        position=position.T,
+        covariance=symmetric.pack(shape),
+        normal=jnp.zeros((3, n), position.dtype),
+        valid=there,
     )

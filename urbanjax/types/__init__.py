@@ -1,6 +1,14 @@
 """The nouns that every room speaks. SI units; x forward, y left, heading counter-clockwise."""
 
-from urbanjax.types.errors import ConfigError, FileError, RoadError, RouteError, ScenarioError, UrbanJaxError
+from urbanjax.types.errors import (
+    CloudError,
+    ConfigError,
+    FileError,
+    RoadError,
+    RouteError,
+    ScenarioError,
+    UrbanJaxError,
+)
 from urbanjax.types.objects import Objects, Prediction
 from urbanjax.types.observation import Observation
 from urbanjax.types.path import Path
@@ -10,6 +18,7 @@ from urbanjax.types.status import Decision, RouteStatus
 from urbanjax.types.struct import as_arrays, field, pytree, static
 
 __all__ = [
+    "CloudError",
     "Command",
     "ConfigError",
     "Decision",

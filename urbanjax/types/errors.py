@@ -21,5 +21,9 @@ class ScenarioError(UrbanJaxError):
     """A scenario, observation or simulation input is out of range."""
 
 
+class CloudError(UrbanJaxError):
+    """A point cloud is empty, too large for its capacity or not finite."""
+
+
 class FileError(UrbanJaxError):
     """A file is missing, truncated or not what its name says."""
