@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
-from urbanjax.io.studies import precision
+from urbanjax.io.studies import precision, registration_speed
+from urbanjax.io.studies.registration_speed import RegistrationStudy
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.extended import ExtendParams
 from urbanjax.sim import agents, metrics
@@ -43,6 +44,7 @@ class BenchStudy:
     loop_steps: int = static(default=20)  # steps of one closed loop
     repeats: int = static(default=30)  # of each step that is timed
     runs: int = static(default=5)  # of each simulation that is timed
+    registration: RegistrationStudy = RegistrationStudy()
     precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
     seed: int = static(default=0)
 
@@ -68,7 +70,8 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     out.update(_simulator(study, loop, course, lanes, starts, tick))
     tick("decisions in float32 and float64")
     batch = jax.tree.map(lambda x: x[: study.scenarios], starts.world)
-    return out | precision.flips(loop, course, lanes, batch, study.precision_steps)
+    out.update(precision.flips(loop, course, lanes, batch, study.precision_steps))
+    return out | registration_speed.measure(study.registration, tick)
 
 
 def _stack_step(
