@@ -7,6 +7,7 @@ from urbanjax.io.studies import registration_speed
 from urbanjax.io.studies.registration_speed import RegistrationStudy
 
 
+@pytest.mark.slow
 def test_ours_alone(monkeypatch):
     monkeypatch.setattr(registration_speed, "peer_of", lambda *_: None)
     numbers = registration_speed.measure(RegistrationStudy(points=3000, starts=2, repeats=1))
