@@ -7,7 +7,7 @@ import pytest
 
 from tests.registration.conftest import courtyard
 from urbanjax import registration
-from urbanjax.registration.cells import number_cells
+from urbanjax.registration.cells import number_cells, slots_for
 from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.registration.features import FeatureParams, features
 from urbanjax.types import CloudError, as_arrays
@@ -26,10 +26,9 @@ def ordered(points: np.ndarray) -> np.ndarray:
     return points[np.lexsort(np.round(points, 3).T)]
 
 
-@pytest.mark.parametrize("slots", [512, 4096])
-def test_voxel_means_equal_numpy(slots):
+def test_voxel_means_equal_numpy():
     points = courtyard(2000, 0, noise=0.3)
-    params = as_arrays(DownsampleParams(resolution=2.0, capacity=512, slots=slots))
+    params = as_arrays(DownsampleParams(resolution=2.0, capacity=512))
     cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool), params)
     expected = voxel_means(points, 2.0)
     found = np.asarray(cloud.position).T[np.asarray(cloud.valid)]
@@ -41,20 +40,21 @@ def test_voxel_means_equal_numpy(slots):
 def test_what_does_not_fit_is_counted_and_what_is_not_finite_does_not_count():
     points = courtyard(2000, 0)
     points[:5] = np.nan
-    params = as_arrays(DownsampleParams(resolution=2.0, capacity=16, slots=512))
+    params = as_arrays(DownsampleParams(resolution=2.0, capacity=16))
     cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool).at[5:10].set(False), params)
     assert int(cloud.valid.sum()) == 16
     assert int(dropped) == len(voxel_means(points[10:], 2.0)) - 16
     assert np.isfinite(np.asarray(cloud.position)).all()
 
 
-def test_cells_share_a_number_if_and_only_if_they_are_the_same():
-    cell = np.random.default_rng(0).integers(-9, 9, (3, 3000)).astype(np.int32)
-    number = np.asarray(jax.jit(number_cells, static_argnums=2)(cell, np.arange(3000) < 2900, 4096))
+@pytest.mark.parametrize(("reach", "slots"), [(9, slots_for(3000)), (9, 4096), (4, 512)])  # the last is filled wholly
+def test_cells_share_a_number_if_and_only_if_they_are_the_same(reach, slots):
+    cell = np.random.default_rng(0).integers(-reach, reach, (3, 3000)).astype(np.int32)
+    number = np.asarray(jax.jit(number_cells, static_argnums=2)(cell, np.arange(3000) < 2900, slots))
     _, identity = np.unique(cell.T[:2900], axis=0, return_inverse=True)
     pairs = {(a, b) for a, b in zip(identity.ravel(), number[:2900], strict=True)}
     assert len(pairs) == len(set(number[:2900])) == identity.max() + 1
-    assert np.all(number[2900:] == 4096)
+    assert np.all(number[2900:] == slots)
 
 
 def test_normals_are_those_of_the_ten_nearest_points():

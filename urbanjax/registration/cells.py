@@ -7,12 +7,17 @@ from jaxtyping import Bool, Int
 PRIMES = (73856093, 19349669, 83492791)  # Teschner et al. 2003
 
 
+def slots_for(points: int) -> int:
+    """Size of the table for so many points: a power of two, half as many again, so that a free slot is always near."""
+    return 1 << (points + points // 2).bit_length()
+
+
 def number_cells(cell: Int[Array, "3 n"], valid: Bool[Array, " n"], slots: int) -> Int[Array, " n"]:
     """A number in [0, slots) for the cell of each point, `slots` for invalid points. Exact, whatever collides.
 
     Open addressing, all points at once: each claims the slot of its hash, the first point of those that claim a slot
-    gets it for its cell, and the points of other cells go on to the next slot. Args: slots, a power of two, more than
-    there are cells (half as many again for speed).
+    gets it for its cell, and the points of other cells go on to the next slot. Args: slots, see
+    `slots_for`; with fewer than there are cells it would never end.
     """
     n = cell.shape[1]
     index = jnp.arange(n, dtype=jnp.int32)

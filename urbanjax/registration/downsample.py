@@ -4,9 +4,8 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.numerics import symmetric
-from urbanjax.registration.cells import number_cells
-from urbanjax.registration.points import PointCloud
+from urbanjax.registration.cells import number_cells, slots_for
+from urbanjax.registration.points import PointCloud, cloud
 from urbanjax.types import pytree, static
 
 
@@ -16,7 +15,6 @@ class DownsampleParams:
 
     resolution: float = 0.25  # m, edge of a voxel
     capacity: int = static(default=8192)  # points of the result
-    slots: int = static(default=1 << 17)  # of the hash table: a power of two, more than there are occupied voxels
 
 
 def downsample(
@@ -30,22 +28,17 @@ def downsample(
     valid = valid & jnp.all(jnp.isfinite(position), axis=1)
     position = jnp.where(valid[:, None], position, 0)
     cell = jnp.floor(position / params.resolution)
-    slot = number_cells(cell.astype(jnp.int32).T, valid, params.slots)
+    slots = slots_for(position.shape[0])
+    slot = number_cells(cell.astype(jnp.int32).T, valid, slots)
     # Summed from the voxel's corner: sums of large coordinates would lose digits.
     corner = cell * params.resolution
     rows = jnp.concatenate([position - corner, jnp.ones((len(slot), 1), dtype)], axis=1)
-    sums = jnp.zeros((params.slots + 1, 4), dtype).at[slot].add(rows)[:-1]
-    corners = jnp.zeros((params.slots + 1, 3), dtype).at[slot].set(corner)[:-1]
+    sums = jnp.zeros((slots + 1, 4), dtype).at[slot].add(rows)[:-1]
+    corners = jnp.zeros((slots + 1, 3), dtype).at[slot].set(corner)[:-1]
     occupied = sums[:, 3] > 0
     place = jnp.cumsum(occupied) - 1
     place = jnp.where(occupied & (place < params.capacity), place, params.capacity)
     means = corners + sums[:, :3] / jnp.maximum(sums[:, 3:], 1)
     kept = jnp.zeros((params.capacity + 1, 3), dtype).at[place].set(means)[:-1]
     total = jnp.sum(occupied)
-    return _bare(kept, jnp.arange(params.capacity) < total), jnp.maximum(total - params.capacity, 0)
-
-
-def _bare(position: Array, valid: Array) -> PointCloud:
-    n = position.shape[0]
-    ball = jnp.broadcast_to(jnp.array(symmetric.IDENTITY, position.dtype)[:, None], (6, n))
-    return PointCloud(position.T, ball, jnp.zeros((3, n), position.dtype), valid)
+    return cloud(kept, valid=jnp.arange(params.capacity) < total), jnp.maximum(total - params.capacity, 0)
