@@ -22,7 +22,7 @@ def error_of(found: jaxlie.SE3, truth: jaxlie.SE3) -> tuple[float, float]:
 
 
 def in_double(tree):
-    return jax.tree.map(lambda x: jnp.asarray(x, jnp.float64) if jnp.issubdtype(x.dtype, jnp.floating) else x, tree)
+    return as_arrays(tree, jnp.float64)
 
 
 @pytest.mark.parametrize("method", ["vgicp", "ndt"])

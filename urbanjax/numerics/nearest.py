@@ -76,13 +76,18 @@ def arrange(points: Float[Array, "d n"], valid: Bool[Array, " n"], block: int, v
     return Blocks(order, place, position, there, near[:, :visits], beyond)
 
 
-def distances(blocks: Blocks) -> Float[Array, "g b c"]:
-    """Squared distance from each point of each block to its C = V * B candidates; inf to invalid ones."""
+def candidates(blocks: Blocks) -> Float[Array, "d g c"]:
+    """The C = V * B points that each block looks at."""
     d, count, _ = blocks.position.shape
-    candidates = blocks.position[:, blocks.near].reshape(d, count, 1, -1)
+    return blocks.position[:, blocks.near].reshape(d, count, -1)
+
+
+def distances(blocks: Blocks) -> Float[Array, "g b c"]:
+    """Squared distance from each point of each block to its candidates; inf to invalid ones."""
+    count = blocks.position.shape[1]
     squared = jnp.zeros((), blocks.position.dtype)
-    for here, there in zip(blocks.position, candidates, strict=True):
-        squared = squared + (here[:, :, None] - there) ** 2
+    for here, there in zip(blocks.position, candidates(blocks), strict=True):
+        squared = squared + (here[:, :, None] - there[:, None, :]) ** 2
     # Kept apart from what follows, or each use would compute the distances anew.
     return lax.optimization_barrier(jnp.where(blocks.valid[blocks.near].reshape(count, 1, -1), squared, jnp.inf))
 

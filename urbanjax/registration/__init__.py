@@ -4,7 +4,7 @@ from urbanjax.registration.align import Alignment, AlignParams, align, align_sta
 from urbanjax.registration.degeneracy import Degeneracy, DegeneracyParams, degeneracy
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
 from urbanjax.registration.points import PointCloud, cloud, padded
-from urbanjax.registration.preprocess import PreprocessParams, preprocess
+from urbanjax.registration.preprocess import Preprocessing, PreprocessParams, preprocess
 
 __all__ = [
     "AlignParams",
@@ -15,6 +15,7 @@ __all__ = [
     "MapParams",
     "PointCloud",
     "PreprocessParams",
+    "Preprocessing",
     "align",
     "align_starts",
     "build",

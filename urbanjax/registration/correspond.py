@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.registration.distributions import DistributionMap, cell_of, index_of
+from urbanjax.registration.distributions import DistributionMap, cell_of, index_of, within
 
 _AXES = ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 OFFSETS = {1: _AXES[:1], 7: _AXES, 27: tuple(itertools.product((-1, 0, 1), repeat=3))}
@@ -20,17 +20,18 @@ def correspond(
     Args: away [3, N] m from the map's origin; neighbours, voxels to look at: 1 (the point's own), 7 or 27.
     """
     nothing = target.rows.shape[0] - 1
-    cell, _ = cell_of(away, target.resolution, target.shape)
+    cell = cell_of(away, target.resolution)
+
+    def numbered(offset: tuple[int, int, int]) -> Array:
+        near = cell + jnp.array(offset, jnp.int32)[:, None]
+        inside = valid & within(near, target.shape)
+        return jnp.where(inside, target.table[jnp.where(inside, index_of(near, target.shape), 0)], nothing)
+
+    if neighbours == 1:
+        return numbered(OFFSETS[1][0])
     best, slot = jnp.full(away.shape[1:], jnp.inf, away.dtype), jnp.full(away.shape[1:], nothing, jnp.int32)
     for offset in OFFSETS[neighbours]:
-        near = cell + jnp.array(offset, jnp.int32)[:, None]
-        inside = valid
-        for i in range(3):
-            inside = inside & (near[i] >= 0) & (near[i] < target.shape[i])
-        found = jnp.where(inside, target.table[jnp.where(inside, index_of(near, target.shape), 0)], nothing)
-        if neighbours == 1:
-            slot = found
-            break
+        found = numbered(offset)
         row = target.rows[found].T
         distance = jnp.where(row[9] > 0, jnp.sum((row[:3] - away) ** 2, axis=0), jnp.inf)
         slot = jnp.where(distance < best, found, slot)

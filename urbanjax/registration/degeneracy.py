@@ -1,7 +1,7 @@
 """Which directions a registration says nothing about: corridors, planes, open fields."""
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.types import pytree
@@ -41,15 +41,16 @@ def degeneracy(hessian: Float[Array, "6 6"], params: DegeneracyParams | None = N
     params = DegeneracyParams() if params is None else params
     turning, mixed, moving = hessian[:3, :3], hessian[:3, 3:], hessian[3:, 3:]
     return Degeneracy(
-        translation=_directions(moving - mixed.T @ _solved(turning, mixed), params),
-        rotation=_directions(turning - mixed @ _solved(moving, mixed.T), params),
+        translation=_directions(_known(moving, mixed.T, turning), params),
+        rotation=_directions(_known(turning, mixed, moving), params),
     )
 
 
-def _solved(matrix: Array, right: Array) -> Array:
-    """M^-1 right, finite where M says nothing at all."""
-    least = 1e-6 * jnp.maximum(jnp.trace(matrix), 1e-6)
-    return jnp.linalg.solve(matrix + least * jnp.eye(3, dtype=matrix.dtype), right)
+def _known(own: Array, mixed: Array, other: Array) -> Array:
+    """The Schur complement, own - mixed other^-1 mixed', finite where `other` says nothing at all."""
+    least = 1e-6 * jnp.maximum(jnp.trace(other), 1e-6)
+    explained = jnp.linalg.solve(other + least * jnp.eye(3, dtype=other.dtype), mixed.T)
+    return own - jnp.matmul(mixed, explained, precision=lax.Precision.HIGHEST)
 
 
 def _directions(information: Array, params: DegeneracyParams) -> Directions:

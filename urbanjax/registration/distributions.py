@@ -48,8 +48,8 @@ def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | Non
     half = jnp.array(params.shape, dtype) // 2
     origin = (jnp.floor(centre / size) - half) * size
     away = points.position - origin[:, None]
-    cell, inside = cell_of(away, size, params.shape)
-    kept = inside & points.valid
+    cell = cell_of(away, size)
+    kept = points.valid & within(cell, params.shape)
     n = away.shape[1]
     place = jnp.where(kept, index_of(cell, params.shape), 0)
     # The first point of a voxel gives its distribution the number: no sorting.
@@ -81,13 +81,15 @@ def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | Non
     )
 
 
-def cell_of(
-    away: Float[Array, "3 *n"], resolution: Float[Array, ""], shape: tuple[int, int, int]
-) -> tuple[Int[Array, "3 *n"], Bool[Array, "*n"]]:
-    """The voxel of points given from the window's corner, and whether it lies in the window."""
-    cell = jnp.floor(away / resolution)
+def cell_of(away: Float[Array, "3 *n"], resolution: Float[Array, ""]) -> Int[Array, "3 *n"]:
+    """The voxel of points given from the window's corner."""
+    return jnp.floor(away / resolution).astype(jnp.int32)
+
+
+def within(cell: Int[Array, "3 *n"], shape: tuple[int, int, int]) -> Bool[Array, "*n"]:
+    """Whether a voxel lies in the window."""
     inside = [(cell[i] >= 0) & (cell[i] < shape[i]) for i in range(3)]
-    return cell.astype(jnp.int32), inside[0] & inside[1] & inside[2]
+    return inside[0] & inside[1] & inside[2]
 
 
 def index_of(cell: Int[Array, "3 *n"], shape: tuple[int, int, int]) -> Int[Array, "*n"]:

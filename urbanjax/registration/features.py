@@ -50,11 +50,9 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
 
 def _spread(blocks: nearest.Blocks, inside: Float[Array, "g b c"]) -> tuple[Float[Array, "6 n"], Float[Array, " n"]]:
     """Covariance of the candidates inside each point's neighbourhood, and their number."""
-    d, count, _ = blocks.position.shape
     # Relative to the block: sums of squares of large coordinates would lose the thickness of a wall.
-    middle = blocks.position[:, :, :1]
-    candidates = blocks.position[:, blocks.near].reshape(d, count, -1) - middle
-    moments = jnp.concatenate([jnp.ones_like(candidates[:1]), candidates, symmetric.outer(candidates)])
+    beside = nearest.candidates(blocks) - blocks.position[:, :, :1]
+    moments = jnp.concatenate([jnp.ones_like(beside[:1]), beside, symmetric.outer(beside)])
     sums = lax.dot_general(inside, moments, (((2,), (2,)), ((0,), (1,))), precision=lax.Precision.HIGHEST)  # [G, B, 10]
     sums = jnp.moveaxis(sums, -1, 0).reshape(10, -1)
     number = sums[0]

@@ -123,7 +123,8 @@ def linearise(pose: Rigid, source: PointCloud, pairs: Pairs, target: Distributio
 def held_cost(pose: Rigid, at: System, before: Rigid, source: PointCloud, pairs: Pairs) -> Float[Array, ""]:
     """The cost at another pose with correspondences and weights held. Args: before, the pose of `at`."""
     residual = before.back(pairs.mean - pose.move(source.position))
-    return jnp.dot(at.weight, symmetric.inner(residual, symmetric.product(at.information, residual))) / 2
+    squared = symmetric.inner(residual, symmetric.product(at.information, residual))
+    return jnp.dot(at.weight, squared, precision=lax.Precision.HIGHEST) / 2
 
 
 def sandwich(at: System, source: PointCloud) -> Float[Array, "6 6"]:

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
-from urbanjax.io.studies import precision, registration_speed
+from urbanjax.io.studies import precision, registration_speed, timing
 from urbanjax.io.studies.registration_speed import RegistrationStudy
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.extended import ExtendParams
@@ -88,7 +88,7 @@ def _stack_step(
         state, observation = jax.tree.map(lambda x, n=size: x[0] if n == 1 else x[:n], (states, observations))
         function = stack.step if size == 1 else jax.vmap(stack.step, in_axes=(None, None, 0, 0))
         step = jax.jit(function)
-        first = _seconds(step, loop.stack, course, state, observation)
+        first = timing.seconds(step, loop.stack, course, state, observation)
         if size == study.batches[0]:
             out["stack_first_step_s"] = first
         samples = []
@@ -114,8 +114,8 @@ def _simulator(
     ):
         tick(f"{name}: {study.scenarios} scenarios of {vehicles} vehicles, {steps} steps")
         program = jax.jit(functools.partial(function, n_steps=steps))
-        out[f"{name}_first_run_s"] = _seconds(program, loop, course, lanes, batch)
-        seconds = statistics.median(_seconds(program, loop, course, lanes, batch) for _ in range(study.runs))
+        out[f"{name}_first_run_s"] = timing.seconds(program, loop, course, lanes, batch)
+        seconds = timing.median(program, loop, course, lanes, batch, runs=study.runs)
         out[f"{name}_vehicle_steps_per_s"] = study.scenarios * vehicles * steps / seconds
         out[f"{name}_run_s"] = seconds
     return out
@@ -146,12 +146,6 @@ def _close(loop: LoopParams, course: Course, lanes: Lanes, starts: WorldState, n
         return metrics.evaluate(log, loop.sim.vehicle, loop.stack.relaxation)
 
     return jax.vmap(one)(starts)
-
-
-def _seconds(call: Callable[..., Any], *arguments: Any) -> float:
-    began = time.perf_counter()
-    jax.block_until_ready(call(*arguments))
-    return time.perf_counter() - began
 
 
 def table(numbers: dict[str, float], batches: Sequence[int]) -> dict[str, list[Any]]:

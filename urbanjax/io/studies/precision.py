@@ -14,7 +14,7 @@ from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.rollout import LoopParams
 from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackInfo
-from urbanjax.types import Command, pytree
+from urbanjax.types import Command, as_arrays, pytree
 
 
 @pytree
@@ -48,20 +48,11 @@ def flips(loop: LoopParams, course: Course, lanes: Lanes, starts: WorldState, n_
     """
     with jax.enable_x64(True):
         inputs, exact = jax.jit(_drive, static_argnames="n_steps")(
-            *_cast((loop, course, lanes, starts), np.float64), n_steps=n_steps
+            *as_arrays((loop, course, lanes, starts), np.float64), n_steps=n_steps
         )
         inputs, exact = jax.device_get((inputs, exact))
-    single = jax.jit(_again)(*_cast((loop, course, inputs), np.float32))
+    single = jax.jit(_again)(*as_arrays((loop, course, inputs), np.float32))
     return compare(exact, jax.device_get(single))
-
-
-def _cast(tree: Any, dtype: type) -> Any:
-    """The tree with all floats in another precision."""
-
-    def cast(x: Any) -> Any:
-        return jnp.asarray(x, dtype) if jnp.issubdtype(jnp.result_type(x), jnp.floating) else x
-
-    return jax.tree.map(cast, tree)
 
 
 def _drive(loop: LoopParams, course: Course, lanes: Lanes, starts: WorldState, n_steps: int) -> tuple[Any, Decisions]:

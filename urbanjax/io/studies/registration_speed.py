@@ -1,8 +1,6 @@
 """How fast registration is, beside small_gicp on the same clouds where that is installed (extra `peers`)."""
 
 import importlib
-import statistics
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +10,7 @@ import jaxlie
 import numpy as np
 
 from urbanjax import registration
+from urbanjax.io.studies import timing
 from urbanjax.registration import AlignParams, MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.types import as_arrays, pytree, static
@@ -87,10 +86,10 @@ def measure(study: RegistrationStudy, tick: Callable[[str], None] = lambda label
     }
     for name, call in calls.items():
         tick(f"registration: {name}")
-        out[f"registration_{name}_ms"] = _median(call, study.repeats)
+        out[f"registration_{name}_ms"] = _milliseconds(call, study.repeats)
         if peer is not None:
             matrices = np.asarray(starts.as_matrix(), float)
-            out[f"small_gicp_{name}_ms"] = _median(lambda n=name, m=matrices: peer.call(n, m), study.repeats)
+            out[f"small_gicp_{name}_ms"] = _milliseconds(lambda n=name, m=matrices: peer.call(n, m), study.repeats)
     if peer is not None:
         off = np.linalg.inv(peer.align(np.eye(4))) @ np.asarray(found.pose.as_matrix(), float)
         out["registration_from_small_gicp_m"] = float(np.linalg.norm(off[:3, 3]))
@@ -160,11 +159,7 @@ def peer_of(study: RegistrationStudy, source: np.ndarray, target: np.ndarray) ->
     return Peer(library, study, source, target)
 
 
-def _median(call: Callable[[], Any], repeats: int) -> float:
-    jax.block_until_ready(call())
-    samples = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        jax.block_until_ready(call())
-        samples.append(1e3 * (time.perf_counter() - began))
-    return statistics.median(samples)
+def _milliseconds(call: Callable[[], Any], repeats: int) -> float:
+    """Warm median."""
+    timing.seconds(call)
+    return 1e3 * timing.median(call, runs=repeats)
