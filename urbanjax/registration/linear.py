@@ -1,6 +1,7 @@
 """The linearised registration problem: Hessian, gradient and cost at a pose, correspondences given (Eq. 3-5)."""
 
 import jax.numpy as jnp
+import jaxlie
 import numpy as np
 from jax import Array, lax
 from jaxtyping import Float, Int
@@ -48,18 +49,9 @@ class Rigid:
 
     def step(self, twist: Float[Array, "6"]) -> "Rigid":
         """T exp(twist), twist [omega; v]."""
-        square = jnp.sum(twist[:3] ** 2)
-        small = square < 1e-8
-        angle = jnp.sqrt(jnp.where(small, 1.0, square))
-        a = jnp.where(small, 1 - square / 6, jnp.sin(angle) / angle)
-        b = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / jnp.where(small, 1.0, square))
-        c = jnp.where(small, 1 / 6 - square / 120, (1 - a) / jnp.where(small, 1.0, square))
-        cross = jnp.tensordot(twist[:3], jnp.asarray(SKEW, twist.dtype), axes=1, precision=lax.Precision.HIGHEST)
-        again = jnp.matmul(cross, cross, precision=lax.Precision.HIGHEST)
-        eye = jnp.eye(3, dtype=twist.dtype)
-        along = jnp.matmul(eye + b * cross + c * again, twist[3:], precision=lax.Precision.HIGHEST)
-        turn = jnp.matmul(self.turn, eye + a * cross + b * again, precision=lax.Precision.HIGHEST)
-        return Rigid(turn, self.shift + jnp.matmul(self.turn, along, precision=lax.Precision.HIGHEST))
+        moved = jaxlie.SE3.exp(jnp.concatenate([twist[3:], twist[:3]]))
+        turn = jnp.matmul(self.turn, moved.rotation().as_matrix(), precision=lax.Precision.HIGHEST)
+        return Rigid(turn, self.shift + jnp.matmul(self.turn, moved.translation(), precision=lax.Precision.HIGHEST))
 
 
 @pytree
