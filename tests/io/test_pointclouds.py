@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from urbanjax.io import pointclouds
+from urbanjax.io import files, pointclouds
 from urbanjax.types import FileError
 
 POINTS = np.random.default_rng(0).normal(size=(20, 3)).astype(np.float32)
@@ -82,6 +82,10 @@ BAD = {
     "damaged PCD": ("scan.pcd", pcd("binary_compressed", packed(table("<"))[:-1] + b"\xff"), "damaged"),
     "short PCD": ("scan.pcd", pcd("binary_compressed", packed(table("<"))[:-5]), "truncated"),
     "huge PCD": ("scan.pcd", pcd("binary", b"", points=10**12), "but 0 are left"),
+    "no points in a PCD": ("scan.pcd", pcd("binary", table("<")).replace(b"POINTS 20\n", b""), "how many POINTS"),
+    "an empty field": ("scan.pcd", pcd("binary", table("<")).replace(b"COUNT 1", b"COUNT 0"), "COUNT 0 cannot be read"),
+    "x twice": ("scan.ply", ply("binary_little_endian", table("<"), columns=("x", "x", "y", "z")), "'x' twice"),
+    "a nameless element": ("scan.ply", ply("ascii", b"").replace(b"end_header", b"element\nend_header"), "20 rows"),
     "not finite": ("scan.bin", np.full(8, np.nan, "<f4").tobytes(), "2 points are not finite"),
     "no archive": ("scan.npz", b"PK but no more", "no npz file"),
 }
@@ -99,7 +103,7 @@ def test_a_bad_file_is_named_in_one_line(name, data, message, tmp_path):
 
 
 def test_an_enormous_file_is_refused_unread(tmp_path, monkeypatch):
-    monkeypatch.setattr(pointclouds, "LARGEST", 100)
+    monkeypatch.setattr(files, "LARGEST", 100)
     with pytest.raises(FileError, match="more than the 100"):
         pointclouds.read(written(tmp_path, "scan.bin", table("<")))
 
@@ -108,3 +112,16 @@ def test_an_archive_of_objects_is_refused(tmp_path):
     np.savez(tmp_path / "objects.npz", xyz=np.array([{}, []], dtype=object))
     with pytest.raises(FileError, match="no npz file of numbers"):
         pointclouds.read(tmp_path / "objects.npz")
+
+
+def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / "bomb.npz", xyz=np.ones((1000, 3)))
+    monkeypatch.setattr(pointclouds, "LARGEST", 10_000)
+    with pytest.raises(FileError, match="unpacks to more than 10000 bytes"):
+        pointclouds.read(tmp_path / "bomb.npz")
+
+
+def test_a_folder_is_no_file(tmp_path):
+    (tmp_path / "scans.bin").mkdir()
+    with pytest.raises(FileError, match="cannot be read"):
+        pointclouds.read(tmp_path / "scans.bin")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from urbanjax.io.files import content
 from urbanjax.types import FileError
 
 KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -12,8 +13,7 @@ SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 
 def read_pcd(path: Path) -> np.ndarray:
     """x, y, z [N, 3] of a PCD file, without the points that it marks as missing by NaN. Raises FileError."""
-    data = path.read_bytes()
-    header, body = _header(path, data)
+    header, body = _header(path, content(path))
     row = _row(path, header)
     missing = {"x", "y", "z"} - set(row.names or ())
     if missing:
@@ -59,17 +59,16 @@ def _row(path: Path, header: dict[str, list[str]]) -> np.dtype:
         raise FileError(f"{path}: FIELDS, SIZE, TYPE and COUNT differ in length")
     fields = []
     for i, (name, size, kind, count) in enumerate(zip(names, sizes, kinds, counts, strict=True)):
-        if kind not in KINDS or not size.isdigit() or int(size) not in SIZES[kind] or not count.isdigit():
+        known = kind in KINDS and size.isdigit() and int(size) in SIZES[kind]
+        if not known or not count.isdigit() or int(count) < 1:
             raise FileError(f"{path}: field '{name}' of TYPE {kind}, SIZE {size} and COUNT {count} cannot be read")
-        label = name if name not in names[:i] and name != "_" else f"{name}{i}"
+        label = name if name not in names[:i] and name != "_" else f"{name} {i}"
         fields.append((label, f"<{KINDS[kind]}{size}", (int(count),)))
     return np.dtype(fields)
 
 
 def _count(path: Path, header: dict[str, list[str]]) -> int:
     words = header.get("POINTS", [])
-    if not words and len(header.get("WIDTH", [])) == 1:
-        words = [str(int(header["WIDTH"][0]) * int(header.get("HEIGHT", ["1"])[0]))]
     if len(words) != 1 or not words[0].isdigit():
         raise FileError(f"{path}: its header does not say how many POINTS there are")
     return int(words[0])

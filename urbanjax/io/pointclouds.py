@@ -1,14 +1,15 @@
 """Point clouds from files: PLY, PCD, KITTI bin and npz; every file is checked before anything is used."""
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from urbanjax.io.files import LARGEST, content
 from urbanjax.io.pcd import read_pcd
 from urbanjax.types import FileError
 
-LARGEST = 512 * 2**20  # bytes, of a file
 PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -25,10 +26,6 @@ def read(path: str | Path, array: str = "xyz") -> np.ndarray:
     path = Path(path)
     if path.suffix.lower() not in READERS:
         raise FileError(f"{path}: no reader for '{path.suffix}'; use one of {', '.join(READERS)}")
-    if not path.is_file():
-        raise FileError(f"{path}: there is no such file")
-    if path.stat().st_size > LARGEST:
-        raise FileError(f"{path}: {path.stat().st_size} bytes are more than the {LARGEST} that a cloud may have")
     reader = READERS[path.suffix.lower()]
     points = read_npz(path, array) if reader is read_npz else reader(path)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
@@ -40,7 +37,7 @@ def read(path: str | Path, array: str = "xyz") -> np.ndarray:
 
 def read_kitti(path: Path) -> np.ndarray:
     """x, y, z of a KITTI scan: float32 x, y, z, reflectance."""
-    data = path.read_bytes()
+    data = content(path)
     if len(data) % 16:
         raise FileError(f"{path}: {len(data)} bytes are no whole number of float32 (x, y, z, reflectance); truncated?")
     return np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(float)
@@ -49,11 +46,13 @@ def read_kitti(path: Path) -> np.ndarray:
 def read_npz(path: Path, array: str = "xyz") -> np.ndarray:
     """A named array, or the only one, of an npz file; leading axes are joined and empty returns (0, 0, 0) dropped."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(content(path)), allow_pickle=False) as archive:
             names = archive.files
             name = array if array in names else names[0] if len(names) == 1 else None
             if name is None:
                 raise FileError(f"{path}: has no array '{array}' among {', '.join(names)}")
+            if archive.zip.getinfo(f"{name}.npy").file_size > LARGEST:
+                raise FileError(f"{path}: '{name}' unpacks to more than {LARGEST} bytes")
             points = np.asarray(archive[name], float)
     except FileError:
         raise
@@ -67,7 +66,7 @@ def read_npz(path: Path, array: str = "xyz") -> np.ndarray:
 
 def read_ply(path: Path) -> np.ndarray:
     """x, y, z of the vertices of a PLY file, ascii or binary."""
-    data = path.read_bytes()
+    data = content(path)
     end = data.find(b"end_header")
     if not data.startswith(b"ply") or end < 0:
         raise FileError(f"{path}: is no PLY file: it has no header")
@@ -97,12 +96,14 @@ def _ply_header(path: Path, text: str) -> tuple[str, int, list[tuple[str, str]]]
         elif words[:1] == ["element"]:
             if count < 0 and words[1:2] != ["vertex"]:
                 raise FileError(f"{path}: its first element is '{' '.join(words[1:2])}'; put the vertices first")
-            element = words[1]
+            element = " ".join(words[1:2])
             if element == "vertex":
                 count = int(words[2]) if len(words) > 2 and words[2].isdigit() else -1
         elif words[:1] == ["property"] and element == "vertex":
             if len(words) != 3 or words[1] not in PLY_TYPES:
                 raise FileError(f"{path}: cannot read the vertex property '{' '.join(words[1:])}'")
+            if words[2] in dict(columns):
+                raise FileError(f"{path}: has the vertex property '{words[2]}' twice")
             columns.append((words[2], PLY_TYPES[words[1]]))
     if kind not in ("ascii", "binary_little_endian", "binary_big_endian") or count < 0:
         raise FileError(f"{path}: its header names no known format or no number of vertices")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from urbanjax.io.files import content
 from urbanjax.types import FileError
 
 TOLERANCE = 1e-3  # of a rotation matrix from an orthogonal one, and of a quaternion from unit length
@@ -48,10 +49,8 @@ def write_tum(path: str | Path, time: np.ndarray, poses: np.ndarray) -> None:
 
 def _numbers(path: Path, columns: int) -> np.ndarray:
     """The rows of a text file of numbers; lines that are empty or begin with # do not count."""
-    if not path.is_file():
-        raise FileError(f"{path}: there is no such file")
     rows = []
-    for number, line in enumerate(path.read_text("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(content(path).decode("utf-8", "replace").splitlines(), 1):
         words = line.replace(",", " ").split()
         if not words or words[0].startswith("#"):
             continue

@@ -1,0 +1,20 @@
+"""What is asked of every file before it is read."""
+
+from pathlib import Path
+
+from urbanjax.types import FileError
+
+LARGEST = 512 * 2**20  # bytes
+
+
+def content(path: Path) -> bytes:
+    """The bytes of a file. Raises FileError if it is missing, unreadable or has more than LARGEST bytes."""
+    try:
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise FileError(f"{path}: {size} bytes are more than the {LARGEST} that it may have")
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise FileError(f"{path}: there is no such file") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
