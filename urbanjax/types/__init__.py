@@ -12,6 +12,7 @@ from urbanjax.types.errors import (
 from urbanjax.types.objects import Objects, Prediction
 from urbanjax.types.observation import Observation
 from urbanjax.types.path import Path
+from urbanjax.types.scan import Scan
 from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
 from urbanjax.types.status import Decision, RouteStatus
@@ -31,6 +32,7 @@ __all__ = [
     "RoadError",
     "RouteError",
     "RouteStatus",
+    "Scan",
     "ScenarioError",
     "SignalState",
     "Signals",

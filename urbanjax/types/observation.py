@@ -4,6 +4,7 @@ import jaxlie
 from jax import Array
 
 from urbanjax.types.objects import Objects
+from urbanjax.types.scan import Scan
 from urbanjax.types.signals import Signals
 from urbanjax.types.state import Odometry
 from urbanjax.types.struct import pytree
@@ -17,5 +18,5 @@ class Observation:
     objects: Objects
     signals: Signals
     pose: jaxlie.SE2 | None = None  # T_world_body, rear axle
-    scan: Array | None = None  # [N, 4] x, y, z, reflectivity in the LiDAR frame
+    scan: Scan | None = None  # stamped now
     lane_offset: Array | None = None  # [] m, seen offset from the lane centre, left positive
