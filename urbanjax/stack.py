@@ -1,5 +1,7 @@
 """The whole pipeline on one screen: observation in, command out."""
 
+from typing import Any
+
 import jax
 import jaxlie
 from jax import Array
@@ -10,7 +12,8 @@ from urbanjax.behavior.speed import SpeedPlan
 from urbanjax.behavior.tsps import Choice, SelectState
 from urbanjax.control import drive
 from urbanjax.control.drive import ControlParams
-from urbanjax.localization import given
+from urbanjax.localization.lidar import LidarLocalizerParams
+from urbanjax.localization.localizers import LOCALIZERS
 from urbanjax.localization.types import Localization
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import macro, micro, prediction, previous, primitives
@@ -24,8 +27,6 @@ from urbanjax.roadmap.locate import LocateParams, locate
 from urbanjax.types import Command, Observation, Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
-LOCALIZERS = {"given": given.step}
-
 
 @pytree
 class StackParams:
@@ -37,6 +38,7 @@ class StackParams:
     planning: PlanningParams = PlanningParams()
     behavior: BehaviorParams = BehaviorParams()
     control: ControlParams = ControlParams()
+    lidar: LidarLocalizerParams = LidarLocalizerParams()  # of the localizer 'lidar'
     relaxation: Relaxation = Relaxation()
     localizer: str = static(default="given", metadata={"choices": tuple(LOCALIZERS)})
 
@@ -49,6 +51,7 @@ class StackState:
     macro: Previous
     micro: Previous
     select: SelectState
+    localizer: Any = None  # what the localizer carries
 
 
 @pytree
@@ -72,6 +75,7 @@ def init(params: StackParams, course: Course, pose: jaxlie.SE2) -> StackState:
         macro=previous.nothing(params.planning.macro.n_layers),
         micro=previous.nothing(params.planning.primitives.n_points),
         select=tsps.init(whole, course.extended),
+        localizer=LOCALIZERS[params.localizer].init(params.lidar, course, pose),
     )
 
 
@@ -86,7 +90,8 @@ def step(
     vehicle, plan, relaxation = params.vehicle, params.planning, params.relaxation
     objects = observation.objects
     with jax.named_scope("localization"):
-        located = LOCALIZERS[params.localizer](observation)
+        localizer = LOCALIZERS[params.localizer]
+        located, localized = localizer.step(params.lidar, course, state.localizer, observation)
         ego = located.vehicle_state(observation.odometry)
     with jax.named_scope("route"):
         road = window(course.extended, state.station, params.window)
@@ -117,11 +122,14 @@ def step(
     with jax.named_scope("gvp"):
         pace = speed.plan(choice, ego, vehicle, params.behavior, relaxation)
     with jax.named_scope("control"):
-        command = drive.follow(choice.path, pace.reference, choice.selection.emergency, ego, vehicle, params.control)
+        command = drive.follow(
+            choice.path, pace.reference, located.brake(choice.selection.emergency), ego, vehicle, params.control
+        )
     following = StackState(
         station=here.station,
         macro=previous.remember(wide.station, wide.offset),
         micro=previous.remember(near.path.station, near.path.offset),
         select=select,
+        localizer=localized,
     )
     return command, following, StackInfo(located, here, future, wide, near, choice, pace)

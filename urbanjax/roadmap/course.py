@@ -2,6 +2,7 @@
 
 import jax
 
+from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, extend, sized
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.route import RouteParams, route_between
@@ -14,6 +15,7 @@ class Course:
 
     graph: RoadGraph
     extended: ExtendedGraph
+    map: VoxelMap | None = None  # the point-cloud map, for a localizer that needs one
 
 
 def course_between(

@@ -1,0 +1,120 @@
+"""Whether a registration can be believed, from its by-products, and what the vehicle does if not."""
+
+import jax.numpy as jnp
+import jaxlie
+from jax import Array
+from jaxtyping import Bool, Float
+
+from urbanjax.localization.types import Health, Sign
+from urbanjax.numerics import safe
+from urbanjax.registration import Alignment, degeneracy
+from urbanjax.types import pytree, static
+
+
+@pytree
+class HealthParams:
+    """Where each sign of failure sets in, and how long each way of going on is trusted."""
+
+    least_share: float = 0.5  # of points with a correspondence
+    most_residual: float = 3.0  # mean squared Mahalanobis distance of correspondences, see docs: calibrated
+    least_direction: float = 0.002  # share of the information in the plane that the weakest direction has
+    innovation: float = 0.7  # m from the prediction
+    turning: float = 0.05  # rad, likewise
+    growth: float = 0.3  # m per s without registration, by which the innovation may be larger
+    spread: float = 0.3  # m between the ends from several starts
+    off_lane: float = 2.5  # m from the nearest lane's centre, or from the offset that the camera sees
+    predict_time: float = 3.0  # s without registration, for which odometry is trusted
+    lane_time: float = 20.0  # s, for which it is trusted where the camera sees the lane
+    stop_time: float = 10.0  # s without either, after which the vehicle has to stand
+    recover: int = static(default=3)  # good registrations in a row that end a failure
+
+
+@pytree
+class Monitor:
+    """What the state machine remembers."""
+
+    health: Array  # [] int32, a Health
+    failing: Array  # [] s since the last good registration
+    blind: Array  # [] s of it without anything that could be trusted
+    good: Array  # [] int32, good registrations in a row
+
+
+def init(dtype: jnp.dtype | None = None) -> Monitor:
+    """All is well."""
+    zero = jnp.zeros((), jnp.zeros(()).dtype if dtype is None else dtype)
+    return Monitor(jnp.asarray(Health.NORMAL, jnp.int32), zero, zero, jnp.asarray(0, jnp.int32))
+
+
+def signs(
+    found: Alignment,
+    predicted: jaxlie.SE3,
+    failing: Float[Array, ""],
+    off_lane: Float[Array, ""],
+    seen: Bool[Array, ""],
+    params: HealthParams,
+) -> Float[Array, "8"]:
+    """Each Sign as a share of the value at which it means failure; `SPREAD` is left at 0.
+
+    Args: predicted, T_map_body from odometry; failing, s since the last good registration; off_lane [m]; seen, there
+    was a scan.
+    """
+    away = predicted.inverse() @ found.pose
+    distance = safe.norm(away.translation()[:2]) / (params.innovation + params.growth * failing)
+    turn = jnp.abs(away.rotation().log()[2]) / params.turning
+    per_pair = 2 * found.cost / jnp.maximum(found.inliers, 1)
+    zero = jnp.zeros_like(distance)
+    values = {
+        Sign.INLIERS: safe.divide(zero + params.least_share, found.inlier_share, otherwise=jnp.inf),
+        Sign.RESIDUAL: per_pair / params.most_residual,
+        Sign.WEAKEST: params.least_direction / jnp.maximum(weakest(found), 1e-6),
+        Sign.ITERATIONS: jnp.where(found.converged, 0.0, 2.0),
+        Sign.INNOVATION: jnp.maximum(distance, turn),
+        Sign.SPREAD: zero,
+        Sign.LANE: off_lane / params.off_lane,
+        Sign.SCAN: jnp.where(seen, 0.0, 2.0),
+    }
+    bounded = jnp.stack([values[sign].astype(distance.dtype) for sign in Sign])
+    return jnp.where(jnp.isnan(bounded), 2.0, jnp.minimum(bounded, 1e3))
+
+
+def weakest(found: Alignment) -> Float[Array, ""]:
+    """The smallest share of the translational information, of directions in the plane, that one of them has."""
+    known = degeneracy(found.hessian).translation
+    # Directions by how much of them lies in the plane: nothing is asked of the vertical one.
+    level = 1 - known.axes[:, 2] ** 2
+    return jnp.min(jnp.where(level > 0.5, known.share, 1.0))
+
+
+def literal_gate(
+    before: jaxlie.SE3, after: jaxlie.SE3, iterations: int, max_distance: float | Array
+) -> Float[Array, ""]:
+    """How far Eq. 8, read as a failure test, is met: the step over n_max * eps_corres; failure above 1.
+
+    Printed the other way round. It hardly ever fires: 64 iterations of 3 m are 192 m, a scan moves 1.7 m.
+    """
+    return safe.norm((before.inverse() @ after).translation()) / (iterations * max_distance)
+
+
+def advance(
+    now: Monitor, failed: Bool[Array, ""], has_lane: Bool[Array, ""], period: float | Array, params: HealthParams
+) -> Monitor:
+    """The next state: failure at once, recovery after `recover` good registrations in a row.
+
+    Args: has_lane, the camera sees the lane; period [s] since the last step.
+    """
+    good = jnp.where(failed, 0, now.good + 1)
+    well = ~failed & ((now.health == Health.NORMAL) | (good >= params.recover))
+    failing = jnp.where(failed, now.failing + period, 0.0)
+    predicts = failing <= params.predict_time
+    keeps_lane = has_lane & (failing <= params.lane_time)
+    blind = jnp.where(failed & ~predicts & ~keeps_lane, now.blind + period, 0.0)
+    health = jnp.where(
+        well,
+        Health.NORMAL,
+        jnp.where(
+            predicts,
+            Health.PREDICT,
+            jnp.where(keeps_lane, Health.LANE, jnp.where(blind <= params.stop_time, Health.RELOCALIZE, Health.STOP)),
+        ),
+    )
+    return Monitor(health.astype(jnp.int32), failing, blind, good.astype(jnp.int32))

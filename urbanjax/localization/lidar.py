@@ -1,0 +1,211 @@
+"""The localizer that finds the pose from scans on a point-cloud map, and goes on when that fails (Fig. 3)."""
+
+import jax
+import jax.numpy as jnp
+import jaxlie
+from jax import Array, lax
+from jaxtyping import Float
+
+from urbanjax.localization import health, motion, odometry, sliding
+from urbanjax.localization.health import HealthParams, Monitor
+from urbanjax.localization.odometry import Odometer, OdometryParams, OdometryState
+from urbanjax.localization.sliding import SlidingParams
+from urbanjax.localization.types import Health, Localization, Sign
+from urbanjax.numerics import safe
+from urbanjax.registration import Alignment, AlignParams, PointCloud, PreprocessParams, align, align_starts, preprocess
+from urbanjax.registration.distributions import DistributionMap
+from urbanjax.registration.downsample import DownsampleParams
+from urbanjax.registration.linear import FactorParams
+from urbanjax.registration.voxelmap import VoxelMap
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.locate import locate
+from urbanjax.types import Observation, Scan, ScenarioError, pytree, static
+
+STARTS = ("predict_on_failure", "always_predict", "previous")
+PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
+AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02))  # m, m, rad
+
+
+@pytree
+class LidarLocalizerParams:
+    """From a scan to a pose."""
+
+    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.9, 0.0)  # T_body_lidar: x, y, z (m) and yaw (rad)
+    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=8192))
+    sliding: SlidingParams = SlidingParams()
+    align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)
+    odometry: OdometryParams = OdometryParams()
+    health: HealthParams = HealthParams()
+    covariance_scale: float = 1.0  # s^2, calibrated, by which the sandwich is multiplied
+    drift: float = 0.01  # m and rad / 10 per m, standard deviation of what odometry adds to the pose
+    period: float = 0.1  # s, between two steps
+    start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
+    fallback: bool = static(default=True)  # the prediction replaces a failed registration
+
+
+@pytree
+class LidarState:
+    """What the localizer carries from scan to scan."""
+
+    pose: jaxlie.SE3  # T_map_body
+    covariance: Array  # [3, 3] of (x, y, heading) in the body frame
+    odometry: OdometryState
+    monitor: Monitor
+
+
+@pytree
+class LidarInfo:
+    """By-products of one step."""
+
+    signs: Array  # [8], see Sign: failure above 1
+    failed: Array  # [] bool
+    reason: Array  # [] int32, the largest Sign
+    predicted: jaxlie.SE3  # T_map_body of Eq. 10
+    odometry: jaxlie.SE3  # T_start_body of odometry alone
+    alignment: Alignment
+    tracked: Array  # [] bool, odometry found the scan to fit
+    literal_gate: Array  # [] Eq. 8, failure above 1
+    dropped: Array  # [2] voxels without a place: of the scan, of the map's window
+
+
+def init(params: LidarLocalizerParams, pose: jaxlie.SE2) -> LidarState:
+    """The state before the first scan. Args: pose, T_map_body of the rear axle, within a metre or so."""
+    dtype = pose.translation().dtype
+    return LidarState(
+        pose=motion.spatial(pose),
+        covariance=jnp.diag(jnp.array([0.1, 0.1, 0.01], dtype)),
+        odometry=odometry.init(params.odometry, params.preprocess.downsample.capacity, dtype),
+        monitor=health.init(dtype),
+    )
+
+
+def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[PointCloud, Array]:
+    """The scan as a cloud in the body frame at its stamp, without the motion during the sweep, and dropped voxels."""
+    scan = observation.scan
+    if not isinstance(scan, Scan):
+        raise ScenarioError("localizer 'lidar' needs observation.scan; give it, or choose another localizer")
+    x, y, z, yaw = params.mount
+    turn = jaxlie.SO3.from_z_radians(jnp.asarray(yaw, scan.position.dtype))
+    mount = jaxlie.SE3.from_rotation_and_translation(
+        turn, jnp.stack([jnp.asarray(v, turn.wxyz.dtype) for v in (x, y, z)])
+    )
+    points = motion.deskew(scan, mount, observation.odometry)
+    cloud, info = preprocess(points, scan.valid.reshape(-1), params.preprocess)
+    return cloud, info.dropped
+
+
+def step(
+    params: LidarLocalizerParams, world: VoxelMap, graph: RoadGraph | None, state: LidarState, observation: Observation
+) -> tuple[Localization, LidarState]:
+    """The pose at the stamp of the scan, and the next state. Pure; the gradient is that of the registration.
+
+    Raises ScenarioError (when traced) if the observation has no scan. Args: world, the point-cloud map; graph, for the
+    lane that an observed lane offset belongs to.
+    """
+    with jax.named_scope("preprocess"):
+        cloud, dropped = cloud_of(params, observation)
+        seen = jnp.sum(cloud.valid) >= params.preprocess.features.neighbours
+    with jax.named_scope("odometry"):
+        wheels = motion.travelled(observation.odometry, params.period)
+        tracking, odometer = odometry.step(params.odometry, state.odometry, cloud, wheels)
+        predicted = (state.pose @ odometer.increment).normalize()
+    with jax.named_scope("window"):
+        target, missed = sliding.window(world, predicted.translation(), observation.odometry.speed, params.sliding)
+    with jax.named_scope("registration"):
+        found = align(cloud, target, _start(params, state, predicted), params.align)
+    with jax.named_scope("health"):
+        aside = off_lane(graph, predicted if params.fallback else found.pose, observation.lane_offset)
+        signs = health.signs(found, predicted, state.monitor.failing, jnp.abs(aside), seen, params.health)
+        signs = _with_spread(params, signs, cloud, target, found)
+        failed = jnp.max(signs) > 1
+        has_lane = jnp.asarray(observation.lane_offset is not None and graph is not None)
+        monitor = health.advance(state.monitor, failed, has_lane, params.period, params.health)
+    carried = _keep_lane(graph, predicted, aside, (monitor.health == Health.LANE) & has_lane)
+    use = ~failed if params.fallback else jnp.asarray(True)
+    pose = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, carried)
+    covariance = jnp.where(
+        use,
+        params.covariance_scale * found.covariance[jnp.ix_(jnp.array(PLANE), jnp.array(PLANE))],
+        _carried(params, state, odometer),
+    )
+    info = LidarInfo(
+        signs=signs,
+        failed=failed,
+        reason=jnp.argmax(signs).astype(jnp.int32),
+        predicted=predicted,
+        odometry=odometry.travelled(tracking),
+        alignment=found,
+        tracked=odometer.tracked,
+        literal_gate=health.literal_gate(
+            state.pose, found.pose, params.align.max_iterations, params.align.factor.max_distance
+        ),
+        dropped=jnp.stack([dropped, missed]),
+    )
+    following = LidarState(pose.normalize(), covariance, tracking, monitor)
+    return Localization(motion.planar(pose), covariance, monitor.health, info), following
+
+
+def _start(params: LidarLocalizerParams, state: LidarState, predicted: jaxlie.SE3) -> jaxlie.SE3:
+    """Where the registration begins: T_t-1, or T_pred of Eq. 10, always or after a failure."""
+    if params.start == "previous":
+        return state.pose
+    if params.start == "always_predict":
+        return predicted
+    well = state.monitor.health == Health.NORMAL
+    return jax.tree.map(lambda a, b: jnp.where(well, a, b), state.pose, predicted)
+
+
+def _with_spread(
+    params: LidarLocalizerParams,
+    signs: Float[Array, "8"],
+    cloud: PointCloud,
+    target: DistributionMap,
+    found: Alignment,
+) -> Float[Array, "8"]:
+    """The signs with SPREAD: where other starts end. Looked at only if another sign is half way to failure."""
+
+    def spread() -> Array:
+        around = jnp.array(AROUND, signs.dtype)
+        flat = jaxlie.SE2.from_xy_theta(around[:, 0], around[:, 1], around[:, 2])
+        starts = jax.vmap(lambda pose, off: pose @ motion.spatial(off), in_axes=(None, 0))(found.pose, flat)
+        ends = align_starts(cloud, target, starts, params.align).pose.translation()
+        return jnp.max(safe.norm(ends - found.pose.translation()[None]))
+
+    suspicious = (jnp.max(signs) > 0.5) & (jnp.max(signs) <= 1)
+    value = lax.cond(suspicious, spread, lambda: jnp.zeros((), signs.dtype))
+    return signs.at[Sign.SPREAD].set(value / params.health.spread)
+
+
+def off_lane(graph: RoadGraph | None, pose: jaxlie.SE3, seen: Array | None) -> Float[Array, ""]:
+    """How far the pose is left of where it should be [m]: of the offset that the camera sees, else of its lane.
+
+    The alarm of the paper's resilience: 0 without a road graph.
+    """
+    if graph is None:
+        return jnp.zeros((), pose.translation().dtype)
+    flat = motion.planar(pose)
+    lane = locate(graph, flat.translation()[None], flat.rotation().as_radians()[None])
+    offset = lane.offset[0]
+    return offset - (jnp.zeros_like(offset) if seen is None else seen)
+
+
+def _keep_lane(graph: RoadGraph | None, pose: jaxlie.SE3, aside: Array, keeps: Array) -> jaxlie.SE3:
+    """The pose moved sideways onto the lane offset that the camera sees."""
+    if graph is None:
+        return pose
+    flat = motion.planar(pose)
+    heading = flat.rotation().as_radians()
+    lane = locate(graph, flat.translation()[None], heading[None])
+    along = heading - lane.heading_error[0]
+    left = jnp.stack([-jnp.sin(along), jnp.cos(along), jnp.zeros_like(along)])
+    shift = jnp.where(keeps & lane.valid[0], -aside, 0.0) * left
+    return jaxlie.SE3.from_rotation_and_translation(pose.rotation(), pose.translation() + shift)
+
+
+def _carried(params: LidarLocalizerParams, state: LidarState, odometer: Odometer) -> Float[Array, "3 3"]:
+    """The covariance after a step of odometry."""
+    moved = motion.planar(odometer.increment)
+    turn = moved.inverse().adjoint()
+    way = safe.norm(moved.translation())
+    grown = params.drift**2 * way * jnp.diag(jnp.array([1.0, 1.0, 0.01], way.dtype))
+    return jnp.linalg.multi_dot([turn, state.covariance, turn.T], precision=lax.Precision.HIGHEST) + grown

@@ -1,0 +1,107 @@
+"""LiDAR odometry: each scan against a local map of the last keyframes (the x^L of Eq. 9)."""
+
+import jax
+import jax.numpy as jnp
+import jaxlie
+from jax import Array, lax
+
+from urbanjax.numerics import safe, symmetric
+from urbanjax.registration import Alignment, AlignParams, MapParams, PointCloud, align, build
+from urbanjax.registration.linear import FactorParams, Rigid
+from urbanjax.types import pytree, static
+
+
+@pytree
+class OdometryParams:
+    """The local map, and when a scan joins it."""
+
+    map: MapParams = MapParams(shape=(208, 208, 24))
+    align: AlignParams = AlignParams(factor=FactorParams(max_distance=2.0, kernel="huber"))
+    spacing: float = 2.0  # m between keyframes
+    turning: float = 0.15  # rad between keyframes
+    least_share: float = 0.4  # of points with a correspondence, below which a scan does not fit the local map
+    innovation: float = 1.0  # m from the predicted motion, beyond which it does not fit either
+    keyframes: int = static(default=5)
+
+
+@pytree
+class OdometryState:
+    """K keyframes of F points in the frame of the newest one, so that numbers stay small on long ways."""
+
+    position: Array  # [3, K * F] m
+    covariance: Array  # [6, K * F]
+    valid: Array  # [K * F] bool
+    pose: jaxlie.SE3  # T_keyframe_body
+    start: jaxlie.SE3  # T_start_keyframe
+
+
+@pytree
+class Odometer:
+    """What one step came to."""
+
+    increment: jaxlie.SE3  # T_before_after, of the body
+    tracked: Array  # [] bool, the scan fits the local map; if not, the increment is the predicted one
+    alignment: Alignment
+
+
+def init(params: OdometryParams, points: int, dtype: jnp.dtype | None = None) -> OdometryState:
+    """No keyframes. Args: points, capacity F of the clouds to come."""
+    dtype = jnp.zeros(()).dtype if dtype is None else dtype
+    n = params.keyframes * points
+    here = jaxlie.SE3.identity().parameters().astype(dtype)
+    return OdometryState(
+        position=jnp.zeros((3, n), dtype),
+        covariance=jnp.zeros((6, n), dtype),
+        valid=jnp.zeros(n, bool),
+        pose=jaxlie.SE3(here),
+        start=jaxlie.SE3(here),
+    )
+
+
+def step(
+    params: OdometryParams, state: OdometryState, cloud: PointCloud, motion: jaxlie.SE3
+) -> tuple[OdometryState, Odometer]:
+    """The motion of the body since the last scan. Pure.
+
+    A scan that does not fit (too few correspondences, or far from the prediction) begins a new local map. Args: cloud
+    in the body frame at its stamp; motion, predicted T_before_after.
+    """
+    guess = state.pose @ motion
+    local = PointCloud(state.position, state.covariance, jnp.zeros_like(state.position), state.valid)
+    target = build(local, params.map, lax.stop_gradient(guess.translation()))
+    found = align(cloud, target, guess, params.align)
+    away = (guess.inverse() @ found.pose).translation()
+    fits = (found.inlier_share > params.least_share) & (safe.norm(away) < params.innovation) & found.converged
+    seen = jnp.any(cloud.valid)
+    tracked = fits & seen
+    pose = jax.tree.map(lambda a, b: jnp.where(tracked, a, b), found.pose, guess)
+    moved = safe.norm(pose.translation()) > params.spacing
+    turned = safe.norm(pose.rotation().log()) > params.turning
+    fresh = ~tracked & seen
+    valid = state.valid & ~fresh
+    joins = seen & (moved | turned | fresh)
+    following = lax.cond(joins, _insert, lambda s, *_: s, state.replace(pose=pose, valid=valid), cloud)
+    return following, Odometer(state.pose.inverse() @ pose, tracked, found)
+
+
+def travelled(state: OdometryState) -> jaxlie.SE3:
+    """T_start_body: the whole way since the first scan."""
+    return state.start @ state.pose
+
+
+def _insert(state: OdometryState, cloud: PointCloud) -> OdometryState:
+    """The state with the scan as newest keyframe in place of the oldest one, all in the new keyframe's frame."""
+    back = state.pose.inverse()
+    rigid = Rigid(back.rotation().as_matrix(), back.translation())
+    n = cloud.valid.shape[0]
+
+    def push(old: Array, new: Array) -> Array:
+        return jnp.concatenate([old[..., n:], new], axis=-1)
+
+    return state.replace(
+        position=push(rigid.move(state.position), cloud.position),
+        covariance=push(symmetric.congruence(rigid.turn, state.covariance), cloud.covariance),
+        valid=push(state.valid, cloud.valid),
+        start=(state.start @ state.pose).normalize(),
+        pose=jaxlie.SE3(jaxlie.SE3.identity().parameters().astype(state.position.dtype)),
+    )

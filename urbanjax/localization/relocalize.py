@@ -1,0 +1,75 @@
+"""Finding a lost pose again, from many starts at once; outside the step, since it is rare and heavy."""
+
+import jax
+import jax.numpy as jnp
+import jaxlie
+from jax import Array
+
+from urbanjax.localization import health, lidar, motion, sliding
+from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
+from urbanjax.localization.types import Health
+from urbanjax.registration import align_starts
+from urbanjax.registration.voxelmap import VoxelMap
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.types import Observation, pytree, static
+
+
+@pytree
+class RelocalizeParams:
+    """Where a lost vehicle is looked for."""
+
+    max_distance: float = 4.0  # m, of correspondences: wide, since a start may be metres off
+    least_share: float = 0.6  # of points with a correspondence, below which nothing was found
+    starts: int = static(default=64)  # K
+    at_once: int = static(default=1)  # see registration.align_starts
+
+
+@pytree
+class Relocalization:
+    """The best of K starts."""
+
+    pose: jaxlie.SE3  # T_map_body
+    found: Array  # [] bool
+    share: Array  # [K] inlier shares
+    start: Array  # [] int32, the one that it came from
+
+
+def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int) -> jaxlie.SE3:
+    """The `count` points of lane centres nearest to a pose [K], stacked, heading along their lanes."""
+    here = pose.translation()[:2]
+    middle = graph.centre.reshape(-1, 2)
+    away = jnp.sum((middle - here[None]) ** 2, axis=1)
+    away = jnp.where(jnp.repeat(graph.valid, graph.centre.shape[1]), away, jnp.inf)
+    _, near = jax.lax.top_k(-away, count)
+    flat = jaxlie.SE2.from_xy_theta(middle[near, 0], middle[near, 1], graph.heading.reshape(-1)[near])
+    return jax.vmap(motion.spatial)(flat)
+
+
+def relocalize(
+    params: RelocalizeParams,
+    localizer: LidarLocalizerParams,
+    world: VoxelMap,
+    state: LidarState,
+    observation: Observation,
+    starts: jaxlie.SE3,
+) -> tuple[Relocalization, LidarState]:
+    """The pose found from stacked `starts` [K], and the localizer's state with it: good until shown otherwise.
+
+    Best is the start whose alignment explains the largest share of the scan within the localizer's own distance.
+    """
+    cloud, _ = lidar.cloud_of(localizer, observation)
+    centre = jnp.mean(starts.translation(), axis=0)
+    target, _ = sliding.window(world, centre, jnp.asarray(jnp.inf, centre.dtype), localizer.sliding)
+    wide = localizer.align.replace(factor=localizer.align.factor.replace(max_distance=params.max_distance))
+    rough = align_starts(cloud, target, starts, wide, params.at_once)
+    tight = localizer.align.replace(factor=localizer.align.factor.replace(max_distance=0.5))
+    fine = align_starts(cloud, target, rough.pose, tight, params.at_once)
+    share = jnp.where(fine.converged, fine.inlier_share, 0.0)
+    best = jnp.argmax(share)
+    pose = jax.tree.map(lambda x: x[best], fine.pose)
+    found = share[best] > params.least_share
+    monitor = health.init(centre.dtype)
+    monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32))
+    moved = state.replace(pose=pose, monitor=monitor)
+    following = jax.tree.map(lambda a, b: jnp.where(found, a, b), moved, state)
+    return Relocalization(pose, found, share, best.astype(jnp.int32)), following
