@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import jaxlie
 import numpy as np
 from jax import Array, lax
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
 from urbanjax.sim.sensors.surroundings import Surroundings
 from urbanjax.types import Objects, Scan, VehicleState, pytree, static
@@ -72,7 +72,7 @@ def sweep(
     vehicles: Objects | None,
     ego: VehicleState,
     yaw_rate: Float[Array, ""],
-    key: Shaped[Array, "..."],
+    key: Array,
 ) -> Scan:
     """The scan [R, A] of one turn of the head, which ends when the vehicle is at `ego`.
 
@@ -90,8 +90,7 @@ def sweep(
         prisms = jnp.concatenate([prisms, _boxes(vehicles, ego.position, params)], axis=1)
     prisms = _seen_from(prisms, ego.heading)
     surfaces = _surfaces(prisms, T_end_sensor, azimuth, time, params)
-    # Otherwise XLA computes them anew for every ring.
-    return _returns(lax.optimization_barrier(surfaces), azimuth, time, params, key)
+    return _returns(surfaces, azimuth, time, params, key)
 
 
 # Rows of a table of prisms: where, which way, how large, how fast, and whether at all.
@@ -146,17 +145,16 @@ class _Surfaces:
 def _surfaces(prisms: Array, T_end_sensor: jaxlie.SE2, azimuth: Array, time: Array, params: LidarParams) -> _Surfaces:
     """The footprints [K] that rays [A] meet first; a prism moves with its velocity."""
     at = T_end_sensor.translation()
-    angle = T_end_sensor.rotation().as_radians() + azimuth
+    ray = T_end_sensor.rotation().apply(jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth)], axis=-1))
     p = prisms[:, :, None]
     time = time[None, :]
     x, y = p[X] + p[V_X] * time - at[None, :, 0], p[Y] + p[V_Y] * time - at[None, :, 1]
-    ray_x, ray_y = jnp.cos(angle)[None, :], jnp.sin(angle)[None, :]
+    ray_x, ray_y = ray[None, :, 0], ray[None, :, 1]
     along = _span(x * p[COS] + y * p[SIN], ray_x * p[COS] + ray_y * p[SIN], p[LENGTH])
     across = _span(y * p[COS] - x * p[SIN], ray_y * p[COS] - ray_x * p[SIN], p[WIDTH])
     enter = jnp.maximum(jnp.maximum(along[0], across[0]), 0)
     leave = jnp.minimum(along[1], across[1])
     met = (leave > enter) & (enter < params.max_range) & (p[VALID] > 0)
-    enter, leave, met = lax.optimization_barrier((enter, leave, met))
     index, there = _first(enter, met, params.layers)
 
     def take(values: Array) -> Array:
@@ -189,21 +187,21 @@ def _first(distance: Array, met: Array, n: int) -> tuple[Array, Array]:
     nothing = jnp.iinfo(jnp.int32).max
     bits = lax.bitcast_convert_type(distance.astype(jnp.float32), jnp.int32)
     code = jnp.where(met, (bits & ~low) | jnp.arange(k, dtype=jnp.int32)[:, None], nothing)
-    code = lax.optimization_barrier(code)
-    found = [jnp.min(code, axis=0)]
-    for _ in range(n - 1):
-        later = jnp.where(code > found[-1][None, :], code, nothing)
-        found.append(lax.optimization_barrier(jnp.min(later, axis=0)))
-    stacked = jnp.stack(found)
-    there = stacked < nothing
-    return jnp.where(there, stacked & low, 0), there
+
+    def insert(ordered: Array, new: Array) -> tuple[Array, None]:
+        before = jnp.concatenate([jnp.full_like(ordered[:1], -1), ordered[:-1]])
+        return jnp.clip(new[None, :], before, ordered), None
+
+    ordered, _ = lax.scan(insert, jnp.full((n, code.shape[1]), nothing), code)
+    there = ordered < nothing
+    return jnp.where(there, ordered & low, 0), there
 
 
 def _returns(surfaces: _Surfaces, azimuth: Array, time: Array, params: LidarParams, key: Array) -> Scan:
     """The scan of all rings of columns that meet these surfaces."""
     elevation = jnp.asarray(elevations(params), azimuth.dtype)[:, None]
     cos = jnp.cos(elevation)
-    distance, reflectivity = lax.optimization_barrier(_hit(surfaces, jnp.tan(elevation), params))
+    distance, reflectivity = _hit(surfaces, jnp.tan(elevation), params)
     noise_key, drop_key = jax.random.split(key)
     shape = distance.shape
     reach = distance / cos
@@ -225,13 +223,17 @@ def _hit(surfaces: _Surfaces, slope: Array, params: LidarParams) -> tuple[Array,
     """Distance in plan [R, A] (m, FAR for none) and reflectivity of what rays of slopes [R, 1] hit first."""
     rise = 1 / jnp.where(jnp.abs(slope) < 1e-9, 1e-9, slope)  # distance in plan per metre of height
     ground = jnp.where(slope < 0, -params.z * rise, FAR)
-    distance = jnp.where(ground < params.ground_range, ground, FAR)
-    reflectivity = jnp.full_like(distance, params.ground_reflectivity)
-    for enter, leave, bottom, top, shine in zip(*jax.tree.leaves(surfaces), strict=True):
-        low, high = (bottom[None, :] - params.z) * rise, (top[None, :] - params.z) * rise
-        first = jnp.maximum(enter[None, :], jnp.minimum(low, high))
-        last = jnp.minimum(leave[None, :], jnp.maximum(low, high))
-        nearer = (first <= last) & (first < distance)
-        distance = jnp.where(nearer, first, distance)
-        reflectivity = jnp.where(nearer, shine[None, :], reflectivity)
-    return distance, reflectivity
+    ground = jnp.where(ground < params.ground_range, ground, FAR)
+    distance = jnp.broadcast_to(ground, (len(slope), surfaces.enter.shape[1]))
+
+    def nearer(best: tuple[Array, Array], at: _Surfaces) -> tuple[tuple[Array, Array], None]:
+        distance, reflectivity = best
+        low, high = (at.bottom[None, :] - params.z) * rise, (at.top[None, :] - params.z) * rise
+        first = jnp.maximum(at.enter[None, :], jnp.minimum(low, high))
+        last = jnp.minimum(at.leave[None, :], jnp.maximum(low, high))
+        here = (first <= last) & (first < distance)
+        distance = jnp.where(here, first, distance)
+        return (distance, jnp.where(here, at.reflectivity[None, :], reflectivity)), None
+
+    start = (distance, jnp.full_like(distance, params.ground_reflectivity))
+    return lax.scan(nearer, start, surfaces)[0]
