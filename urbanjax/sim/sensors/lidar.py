@@ -81,16 +81,32 @@ def sweep(
     the ground nothing beyond `ground_range`. Vehicles do not include the ego.
     """
     azimuth, time = columns(params)
-    zero = jnp.zeros_like(time)
-    T_end_body = jaxlie.SE2.exp(jnp.stack([ego.speed * time, zero, yaw_rate * time], axis=-1))
-    mount = jaxlie.SE2.from_xy_theta(params.x + zero, params.y + zero, params.yaw + zero)
-    T_end_sensor = T_end_body @ mount
+    rays = _rays(params, ego.speed, yaw_rate, azimuth, time)
     prisms = _nearest(surroundings, ego.position, params.nearby)
     if vehicles is not None:
         prisms = jnp.concatenate([prisms, _boxes(vehicles, ego.position, params)], axis=1)
-    prisms = _seen_from(prisms, ego.heading)
-    surfaces = _surfaces(prisms, T_end_sensor, azimuth, time, params)
+    surfaces = _surfaces(_seen_from(prisms, ego.heading), rays, time, params)
     return _returns(surfaces, azimuth, time, params, key)
+
+
+@pytree
+class _Rays:
+    """Columns in plan, in the body frame at the end of the sweep."""
+
+    origin: Array  # [A, 2] m
+    way: Array  # [A, 2] unit vectors
+
+
+def _rays(params: LidarParams, speed: Array, yaw_rate: Array, azimuth: Array, time: Array) -> _Rays:
+    """The columns [A] of a body with constant speed and yaw rate."""
+    mount = jaxlie.SE2.from_xy_theta(params.x, params.y, params.yaw)
+
+    def look(azimuth: Array, time: Array) -> _Rays:
+        T_end_sensor = jaxlie.SE2.exp(time * jnp.stack([speed, jnp.zeros_like(speed), yaw_rate])) @ mount
+        way = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth)])
+        return _Rays(T_end_sensor.translation(), T_end_sensor.rotation() @ way)
+
+    return jax.vmap(look)(azimuth, time)
 
 
 # Rows of a table of prisms: where, which way, how large, how fast, and whether at all.
@@ -142,14 +158,13 @@ class _Surfaces:
     reflectivity: Array  # [S, A]
 
 
-def _surfaces(prisms: Array, T_end_sensor: jaxlie.SE2, azimuth: Array, time: Array, params: LidarParams) -> _Surfaces:
+def _surfaces(prisms: Array, rays: _Rays, time: Array, params: LidarParams) -> _Surfaces:
     """The footprints [K] that rays [A] meet first; a prism moves with its velocity."""
-    at = T_end_sensor.translation()
-    ray = T_end_sensor.rotation().apply(jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth)], axis=-1))
     p = prisms[:, :, None]
     time = time[None, :]
-    x, y = p[X] + p[V_X] * time - at[None, :, 0], p[Y] + p[V_Y] * time - at[None, :, 1]
-    ray_x, ray_y = ray[None, :, 0], ray[None, :, 1]
+    x = p[X] + p[V_X] * time - rays.origin[None, :, 0]
+    y = p[Y] + p[V_Y] * time - rays.origin[None, :, 1]
+    ray_x, ray_y = rays.way[None, :, 0], rays.way[None, :, 1]
     along = _span(x * p[COS] + y * p[SIN], ray_x * p[COS] + ray_y * p[SIN], p[LENGTH])
     across = _span(y * p[COS] - x * p[SIN], ray_y * p[COS] - ray_x * p[SIN], p[WIDTH])
     enter = jnp.maximum(jnp.maximum(along[0], across[0]), 0)

@@ -1,6 +1,7 @@
 """What stands beside the road: buildings, walls, trees, poles and parked cars, all of them vertical prisms."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from jax import Array
@@ -8,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.sensors.footprints import apart, clearance
-from urbanjax.sim.sensors.plots import KINDS, STYLES, Piece, street
+from urbanjax.sim.sensors.plots import KINDS, STYLES, Piece, Style, street
 from urbanjax.sim.sensors.roadside import Roadside, roadsides
 from urbanjax.types import as_arrays, pytree
 
@@ -46,9 +47,7 @@ def furnish(graph: RoadGraph, seed: int = 0) -> Surroundings:
     rank = np.array([KINDS[pieces[k].kind].rank for k in holder])
     kept = clearance(graph, rows["centre"], rows["heading"], rows["half"]) >= margin
     kept = apart(rows, rank, holder, kept, spared=KINDS["wall"].rank)
-    return as_arrays(
-        Surroundings(**{name: values[kept] for name, values in rows.items()}, valid=np.ones(kept.sum(), bool))
-    )
+    return as_arrays(Surroundings(**{name: values[kept] for name, values in rows.items()}))
 
 
 class _Zones:
@@ -62,8 +61,8 @@ class _Zones:
         order = [rng.permutation(names) for _ in range(-(-n // len(names)))]
         self.names = np.concatenate(order)[:n]  # all styles equally often
 
-    def style(self, place: np.ndarray):
-        return STYLES[self.names[self.tree.query(place)[1]]]
+    def style(self, place: np.ndarray) -> Style:
+        return STYLES[str(self.names[self.tree.query(place)[1]])]
 
 
 def _along(side: Roadside, zones: _Zones, rng: np.random.Generator) -> list[Piece]:
@@ -80,7 +79,7 @@ def _along(side: Roadside, zones: _Zones, rng: np.random.Generator) -> list[Piec
     return pieces
 
 
-def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Generator) -> dict[str, np.ndarray]:
+def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Generator) -> dict[str, Any]:
     """The fields of `Surroundings`, from stations and offsets."""
     centres, headings = [], []
     for side, some in zip(sides, drawn, strict=True):
@@ -96,6 +95,7 @@ def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Gene
         "bottom": height[:, 0],
         "top": height[:, 1],
         "reflectivity": np.array([rng.uniform(*KINDS[p.kind].reflectivity) for p in pieces]),
+        "valid": np.ones(len(pieces), bool),
     }
 
 
@@ -105,7 +105,9 @@ def altered(surroundings: Surroundings, share: float, seed: int = 0) -> Surround
     They move 2 to 8 m along their length, which follows the road, and only shrink in plan, so that they stay off it.
     """
     rng = np.random.default_rng(seed)
-    rows = {field.name: np.array(getattr(surroundings, field.name)) for field in dataclasses.fields(surroundings)}
+    rows: dict[str, Any] = {
+        field.name: np.array(getattr(surroundings, field.name)) for field in dataclasses.fields(surroundings)
+    }
     standing = np.flatnonzero(rows["valid"])
     chosen = rng.permutation(standing)[: round(share * len(standing))]
     removed, moved, resized = np.array_split(chosen, 3)
@@ -115,4 +117,4 @@ def altered(surroundings: Surroundings, share: float, seed: int = 0) -> Surround
     rows["centre"][moved] += way[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     rows["half"][resized] *= rng.uniform(0.4, 0.8, (len(resized), 2))
     rows["top"][resized] = np.maximum(rows["bottom"][resized] + 0.3, rows["top"][resized] * rng.uniform(0.5, 1.5))
-    return Surroundings(**rows)
+    return as_arrays(Surroundings(**rows))
