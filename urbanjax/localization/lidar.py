@@ -30,8 +30,10 @@ AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02
 class LidarLocalizerParams:
     """From a scan to a pose."""
 
-    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.9, 0.0)  # T_body_lidar: x, y, z (m) and yaw (rad)
-    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=8192))
+    # T_body_lidar: x, y, z (m) from the centre of the rear axle, here 0.33 m above the ground, and yaw (rad).
+    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.57, 0.0)
+    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.8, capacity=8192))
+    sensing_radius: float = 100.0  # m in the plane, beyond which points of a scan are too sparse to help (Table I)
     sliding: SlidingParams = SlidingParams()
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)
     odometry: OdometryParams = OdometryParams()
@@ -90,7 +92,8 @@ def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[Po
         turn, jnp.stack([jnp.asarray(v, turn.wxyz.dtype) for v in (x, y, z)])
     )
     points = motion.deskew(scan, mount, observation.odometry)
-    cloud, info = preprocess(points, scan.valid.reshape(-1), params.preprocess)
+    near = points[:, 0] ** 2 + points[:, 1] ** 2 < params.sensing_radius**2
+    cloud, info = preprocess(points, scan.valid.reshape(-1) & near, params.preprocess)
     return cloud, info.dropped
 
 

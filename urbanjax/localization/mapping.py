@@ -28,17 +28,16 @@ def build(
     scans: Iterable[tuple[PointCloud, np.ndarray]],
     resolution: float = 0.25,
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    reach: float = 80.0,
 ) -> PointMap:
     """The map of scans: clouds in the body frame with features, each with its pose T_map_body [4, 4] (float64).
 
     Raises CloudError if there is no point. Args: resolution [m], of the voxels whose points are averaged; origin [m],
-    taken off the poses in double precision; reach [m], beyond which the points of a scan are too sparse to be mapped.
+    taken off the poses in double precision.
     """
     merged: np.ndarray | None = None
     waiting: list[np.ndarray] = []
     for cloud, pose in scans:
-        waiting.append(_placed(cloud, np.asarray(pose, float), np.asarray(origin), reach))
+        waiting.append(_placed(cloud, np.asarray(pose, float), np.asarray(origin)))
         if sum(map(len, waiting)) > CHUNK:
             merged, waiting = _merge([*([] if merged is None else [merged]), *waiting], resolution), []
     merged = _merge([*([] if merged is None else [merged]), *waiting], resolution) if waiting else merged
@@ -58,12 +57,12 @@ def distributions(points: PointMap, params: MapParams) -> VoxelMap:
     return voxelise(points.position.astype(float), points.covariance.astype(float), points.count, params)
 
 
-def _placed(cloud: PointCloud, pose: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarray:
+def _placed(cloud: PointCloud, pose: np.ndarray, origin: np.ndarray) -> np.ndarray:
     """Rows [N, 10] of the cloud in the map: position from the origin (3), covariance (6), 1."""
     position, covariance, valid = (
         np.asarray(x, float) for x in jax.device_get((cloud.position, cloud.covariance, cloud.valid))
     )
-    kept = (valid > 0) & (position[0] ** 2 + position[1] ** 2 < reach**2)
+    kept = valid > 0
     turn, shift = pose[:3, :3], pose[:3, 3] - origin
     i, j = np.triu_indices(3)
     full = np.zeros((kept.sum(), 3, 3))

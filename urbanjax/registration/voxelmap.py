@@ -30,7 +30,7 @@ class VoxelMap:
 class CutParams:
     """Sizes of a window: they cost memory and time whatever the map holds."""
 
-    capacity: int = static(default=24576)  # voxels that hold something
+    capacity: int = static(default=32768)  # voxels that hold something
     shape: tuple[int, int, int] = static(default=(208, 208, 32))  # voxels along x, y and z
 
 

@@ -1,0 +1,111 @@
+"""The stated world: a furnished district, a point-cloud map of it from a drive of its own, and a drive to localize."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.localization import lidar, mapping
+from urbanjax.localization.lidar import LidarLocalizerParams
+from urbanjax.registration import MapParams, PointCloud, PreprocessParams
+from urbanjax.registration.downsample import DownsampleParams
+from urbanjax.roadmap.builders import district
+from urbanjax.roadmap.course import Course, course_between
+from urbanjax.sim.scenarios import tour
+from urbanjax.sim.scenarios.tour import Tour, TourParams
+from urbanjax.sim.sensors.lidar import LidarParams, sweep
+from urbanjax.sim.sensors.surroundings import Surroundings, furnish
+from urbanjax.types import Observation, Odometry, Scan, as_arrays, pytree, static
+
+FIRST = 1  # the link on which the drives begin
+AXLE = 0.33  # m, of the body frame above the ground
+
+
+@pytree
+class MappingParams:
+    """The drive that makes the map: the other lane, nobody around, small errors of its poses."""
+
+    drive: TourParams = TourParams(speed=10.0, offset=0.7)
+    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))
+    distributions: MapParams = MapParams()
+    spacing: float = 4.0  # m between two scans
+    resolution: float = 0.5  # m, of the point-cloud map
+    position_noise: float = 0.01  # m, standard deviation of its poses
+    heading_noise: float = 2e-4  # rad, likewise
+    reach: float = 70.0  # m, of the points that are mapped
+
+
+@dataclasses.dataclass(frozen=True)
+class World:
+    """What the localizer is given, and the truth that it does not know."""
+
+    course: Course  # with the map
+    surroundings: Surroundings
+    points: mapping.PointMap
+    tour: Tour
+
+
+@pytree
+class WorldParams:
+    """The district and both drives."""
+
+    drive: TourParams = TourParams()
+    sensor: LidarParams = LidarParams()
+    mapping: MappingParams = MappingParams()
+    seed: int = static(default=0)
+
+
+def build(params: WorldParams, localizer: LidarLocalizerParams, tick: Callable[[str], None]) -> World:
+    """The world of a seed: half a minute on two cores."""
+    graph = district()
+    last = int(graph.predecessor[FIRST, 0])
+    course = course_between(graph, FIRST, last)
+    surroundings = jax.tree.map(jnp.asarray, furnish(graph, params.seed))
+    key = jax.random.key(params.seed)
+    tick("mapping the district")
+    scans = _mapping_scans(jax.random.fold_in(key, 1), params, localizer, course, surroundings)
+    points = mapping.build(scans, params.mapping.resolution)
+    world = mapping.distributions(points, params.mapping.distributions)
+    truth = tour.drive(jax.random.fold_in(key, 2), course, params.drive)
+    return World(course.replace(map=world), surroundings, points, truth)
+
+
+def _mapping_scans(
+    key: jax.Array, params: WorldParams, localizer: LidarLocalizerParams, course: Course, surroundings: Surroundings
+) -> Iterator[tuple[PointCloud, np.ndarray]]:
+    """Clouds of the mapping drive with the poses that the map is made with."""
+    drive = tour.drive(key, course, params.mapping.drive.replace(wheel_scale=1.0, wheel_noise=0.0, yaw_noise=0.0))
+    every = np.unique(
+        np.searchsorted(np.asarray(drive.station), np.arange(0, float(drive.station[-1]), params.mapping.spacing))
+    )
+    rng = np.random.default_rng(params.seed)
+    prepare = mounted(localizer, params.sensor).replace(
+        preprocess=params.mapping.preprocess, sensing_radius=params.mapping.reach
+    )
+    sensor, prepare = as_arrays((params.sensor, prepare))
+
+    @jax.jit
+    def look(k: jax.Array, sensor: LidarParams, prepare: LidarLocalizerParams) -> PointCloud:
+        ego, yaw_rate = jax.tree.map(lambda x: x[k], (drive.ego, drive.yaw_rate))
+        scan = sweep(sensor, surroundings, None, ego, yaw_rate, jax.random.fold_in(key, k))
+        exact = Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate)
+        return lidar.cloud_of(prepare, observation(scan, exact))[0]
+
+    place = np.asarray(drive.ego.position, float), np.asarray(drive.ego.heading, float)
+    for k in every:
+        x, y = place[0][k] + params.mapping.position_noise * rng.normal(size=2)
+        heading = place[1][k] + params.mapping.heading_noise * rng.normal()
+        yield look(jnp.asarray(k), sensor, prepare), mapping.matrix(x, y, heading)
+
+
+def observation(scan: Scan, odometry: Odometry, lane_offset: jax.Array | None = None) -> Observation:
+    """What a localizer looks at, without the rest."""
+    nothing: dict = {"objects": None, "signals": None}
+    return Observation(odometry=odometry, scan=scan, lane_offset=lane_offset, **nothing)
+
+
+def mounted(localizer: LidarLocalizerParams, sensor: LidarParams) -> LidarLocalizerParams:
+    """The localizer for a sensor, knowing where on the vehicle that is."""
+    return localizer.replace(mount=(sensor.x, sensor.y, sensor.z - AXLE, sensor.yaw))
