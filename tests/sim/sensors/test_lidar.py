@@ -2,7 +2,6 @@
 
 import jax
 import jax.numpy as jnp
-import jaxlie
 import numpy as np
 import pytest
 
@@ -237,4 +236,4 @@ def test_front_pair_looks_to_both_sides():
     assert left.y == -right.y > 0
     assert left.yaw == -right.yaw > 0
     assert left.pattern == right.pattern == "vlp_16"
-    assert jaxlie.SE2.from_xy_theta(left.x, left.y, left.yaw).as_matrix()[0, 2] == right.x
+    assert left.x == right.x

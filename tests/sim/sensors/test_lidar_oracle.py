@@ -1,7 +1,6 @@
 """Every ray against a brute-force search in three dimensions and double precision."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.sim.sensors.lidar import LidarParams, columns, elevations, sweep
@@ -80,7 +79,7 @@ def test_rays_agree_with_brute_force():
     wrong, total, prisms = 0, 0, 0
     for seed in range(10):
         furniture, vehicles, state, yaw_rate = scene(seed)
-        args = (as_arrays(furniture), as_arrays(vehicles), as_arrays(state), jnp.asarray(yaw_rate))
+        args = (as_arrays(furniture), as_arrays(vehicles), as_arrays(state), as_arrays(yaw_rate))
         scan = jax.device_get(run(as_arrays(PARAMS), *args, jax.random.key(0)))
         reach, shine = oracle(furniture, vehicles, state, yaw_rate)
         there = np.isfinite(reach)

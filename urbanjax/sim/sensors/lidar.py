@@ -78,7 +78,8 @@ def sweep(
 
     Over the sweep the ego keeps its speed and yaw rate (rad/s), and vehicles their velocity. Each ray returns from the
     first of: the nearest `nearby` prisms, the vehicles, the ground z = 0. Beyond `max_range` nothing returns, and from
-    the ground nothing beyond `ground_range`. Vehicles do not include the ego.
+    the ground nothing beyond `ground_range`. Vehicles do not include the ego. Points have the derivative of the surface
+    that they lie on; which one that is, and what is lost, is a hard choice.
     """
     azimuth, time = columns(params)
     rays = _rays(params, ego.speed, yaw_rate, azimuth, time)
@@ -194,8 +195,8 @@ def _span(offset: Array, slope: Array, half: Array) -> tuple[Array, Array]:
 def _first(distance: Array, met: Array, n: int) -> tuple[Array, Array]:
     """Rows [n, A] of the n smallest distances [K, A] >= 0 of each column, in order, and whether there are so many.
 
-    Non-negative floats are ordered like their bits: with the row in the last bits, one integer minimum after the other
-    gives row and order, faster than a sort.
+    Non-negative floats are ordered like their bits: with the row in the last bits (1 mm of order at 100 m), one integer
+    holds both, and inserting row after row into n ordered ones is many times faster than a sort.
     """
     k = len(distance)
     low = (1 << max(k - 1, 1).bit_length()) - 1

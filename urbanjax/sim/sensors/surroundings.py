@@ -45,8 +45,8 @@ def furnish(graph: RoadGraph, seed: int = 0) -> Surroundings:
     rows = _placed(sides, drawn, rng)
     margin = np.array([KINDS[p.kind].margin for p in pieces])
     rank = np.array([KINDS[pieces[k].kind].rank for k in holder])
-    kept = clearance(graph, rows["centre"], rows["heading"], rows["half"]) >= margin
-    kept = apart(rows, rank, holder, kept, spared=KINDS["wall"].rank)
+    clear = clearance(graph, rows["centre"], rows["heading"], rows["half"]) >= margin
+    kept = apart(rows, rank, holder, clear & rows["valid"], spared=KINDS["wall"].rank)
     return as_arrays(Surroundings(**{name: values[kept] for name, values in rows.items()}))
 
 
@@ -80,10 +80,12 @@ def _along(side: Roadside, zones: _Zones, rng: np.random.Generator) -> list[Piec
 
 
 def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Generator) -> dict[str, Any]:
-    """The fields of `Surroundings`, from stations and offsets."""
-    centres, headings = [], []
+    """The fields of `Surroundings`, from stations and offsets; not valid beyond the ends of a side."""
+    centres, headings, within = [], [], []
     for side, some in zip(sides, drawn, strict=True):
-        centre, heading = side.at(np.array([p.station for p in some]), np.array([p.offset for p in some]))
+        station = np.array([p.station for p in some])
+        centre, heading = side.at(station, np.array([p.offset for p in some]))
+        within.append((station >= 0) & (station <= side.length))
         centres.append(centre)
         headings.append(heading + np.array([p.turn for p in some]))
     pieces = [piece for some in drawn for piece in some]
@@ -95,7 +97,7 @@ def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Gene
         "bottom": height[:, 0],
         "top": height[:, 1],
         "reflectivity": np.array([rng.uniform(*KINDS[p.kind].reflectivity) for p in pieces]),
-        "valid": np.ones(len(pieces), bool),
+        "valid": np.concatenate(within),
     }
 
 
