@@ -3,16 +3,23 @@
 import statistics
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
+
+T = TypeVar("T")
+
+
+def timed(call: Callable[..., T], *arguments: Any) -> tuple[float, T]:
+    """Seconds of one call, and its result."""
+    began = time.perf_counter()
+    result = jax.block_until_ready(call(*arguments))
+    return time.perf_counter() - began, result
 
 
 def seconds(call: Callable[..., Any], *arguments: Any) -> float:
     """Seconds of one call."""
-    began = time.perf_counter()
-    jax.block_until_ready(call(*arguments))
-    return time.perf_counter() - began
+    return timed(call, *arguments)[0]
 
 
 def median(call: Callable[..., Any], *arguments: Any, runs: int) -> float:

@@ -1,7 +1,7 @@
 """Driving a localizer along a drive, scan by scan, and what became of it."""
 
 import dataclasses
-import time
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,6 +11,7 @@ import jaxlie
 import numpy as np
 from jax import Array
 
+from urbanjax.io.studies import timing
 from urbanjax.io.studies.localize.district import World, observation
 from urbanjax.localization import lidar, motion, relocalize
 from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
@@ -80,9 +81,13 @@ class Programs:
         key: Array,
         index: Sequence[int],
         change: "Change | None" = None,
+        stop_at: float | None = None,
         tick: Callable[[], None] = lambda: None,
     ) -> Track:
-        """Localize along the steps `index` of the tour; the pose is known at the first one. Args: change, a fault."""
+        """Localize along the steps `index` of the tour; the pose is known at the first one.
+
+        Args: change, a fault; stop_at [m], an error at which there is no use in going on.
+        """
         change = Change() if change is None else change
         tour, truth = self.world.tour, self.world.course.map if change.map is None else change.map
         state = self._init(self.localizer, _at(tour.ego, index[0]).pose)
@@ -91,22 +96,23 @@ class Programs:
             surroundings = self.world.surroundings if change.surroundings is None else change.surroundings
             seen = self._look(self.sensor, surroundings, tour, jnp.asarray(k), key, jnp.asarray(n in change.lost))
             seen = jax.block_until_ready(seen)
-            began = time.perf_counter()
-            row, state = jax.block_until_ready(self._step(self.localizer, truth, self.graph, state, *seen))
-            took.append(1e3 * (time.perf_counter() - began))
+            seconds, (row, state) = timing.timed(self._step, self.localizer, truth, self.graph, state, *seen)
+            took.append(1e3 * seconds)
             rows.append(row)
             found = False
             if int(row.health) in (Health.LANE, Health.RELOCALIZE) and change.search:
-                began = time.perf_counter()
-                answer, state = jax.block_until_ready(
-                    self._find(self.search, self.localizer, truth, self.graph, state, seen[0], count=self.search.starts)
+                find = functools.partial(self._find, count=self.search.starts)
+                seconds, (answer, state) = timing.timed(
+                    find, self.search, self.localizer, truth, self.graph, state, seen[0]
                 )
-                searches.append(1e3 * (time.perf_counter() - began))
+                searches.append(1e3 * seconds)
                 found = bool(answer.found)
             anew.append(found)
             tick()
+            if stop_at is not None and float(np.hypot(*row.error[:2])) > stop_at:
+                break
         stacked = jax.tree.map(lambda *x: np.stack([np.asarray(v) for v in x]), *rows)
-        return Track(np.asarray(index[1:]), stacked, np.array(took), np.array(anew), np.array(searches))
+        return Track(np.asarray(index[1 : len(rows) + 1]), stacked, np.array(took), np.array(anew), np.array(searches))
 
 
 @dataclasses.dataclass(frozen=True)
