@@ -7,7 +7,7 @@ import numpy as np
 
 from urbanjax.io import cli, pointmap, progress, report
 from urbanjax.io.runs import Run
-from urbanjax.io.studies.localize import district, faults, figures, folder, methods
+from urbanjax.io.studies.localize import district, faults, figures, folder, loop, methods
 from urbanjax.io.studies.localize.district import World
 from urbanjax.io.studies.localize.methods import LocalizeStudy
 from urbanjax.io.studies.localize.track import Programs, Track
@@ -77,6 +77,22 @@ def failures(study: LocalizeStudy, world: World, tracks: dict[str, Track], run: 
     return report.Section("Injected failures", text, items)
 
 
+def closed_loop(study: LocalizeStudy, world: World, run: Run) -> report.Section:
+    """Overtaking in the district on poses from scans alone."""
+    with progress.bar("closed loop") as tick:
+        driven = loop.drive(study.loop, world, study.localizer, study.world.sensor, tick)
+    rows = loop.table(driven)
+    run.table("closed_loop", rows)
+    run.summary(loop.summary(driven))
+    progress.show_table("closed loop on poses from scans", rows)
+    loop.draw(driven, run.path("closed_loop.png"))
+    items = [
+        report.Table(f"{study.loop.starts} starts for each tau.", rows),
+        report.Picture("Overtaking where the car believes to be.", run.path("closed_loop.png")),
+    ]
+    return report.Section("Closed loop", ["Scan to steering: no pose is given."], items)
+
+
 FAULT_NAMES = (
     "wrong_but_normal_s",
     "largest_error_while_normal_m",
@@ -101,6 +117,8 @@ def main(params: LocalizeStudy, run: Run) -> None:
         sections = [section]
         if params.faults.seeds:
             sections.append(failures(params, world, tracks, run))
+        if params.loop.starts:
+            sections.append(closed_loop(params, world, run))
     report.write_report(run.path("report.html"), "Localization", sections, run.manifest("complete"))
 
 

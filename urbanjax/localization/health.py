@@ -16,7 +16,7 @@ class HealthParams:
     """Where each sign of failure sets in, and how long each way of going on is trusted."""
 
     least_share: float = 0.5  # of points with a correspondence
-    most_residual: float = 3.0  # mean squared Mahalanobis distance of correspondences, see docs: calibrated
+    most_residual: float = 0.5  # mean squared Mahalanobis distance of pairs, three times that of a good registration
     least_direction: float = 0.002  # share of the information in the plane that the weakest direction has
     innovation: float = 0.7  # m from the prediction
     turning: float = 0.05  # rad, likewise
@@ -34,7 +34,7 @@ class Monitor:
     """What the state machine remembers."""
 
     health: Array  # [] int32, a Health
-    failing: Array  # [] s since the last good registration
+    failing: Array  # [] s of failed registrations since the last time that all was well
     blind: Array  # [] s of it without anything that could be trusted
     good: Array  # [] int32, good registrations in a row
 
@@ -55,7 +55,7 @@ def signs(
 ) -> Float[Array, "8"]:
     """Each Sign as a share of the value at which it means failure; `SPREAD` is left at 0.
 
-    Args: predicted, T_map_body from odometry; failing, s since the last good registration; off_lane [m]; seen, there
+    Args: predicted, T_map_body from odometry; failing, s of failed registrations; off_lane [m]; seen, there
     was a scan.
     """
     away = predicted.inverse() @ found.pose
@@ -104,7 +104,8 @@ def advance(
     """
     good = jnp.where(failed, 0, now.good + 1)
     well = ~failed & ((now.health == Health.NORMAL) | (good >= params.recover))
-    failing = jnp.where(failed, now.failing + period, 0.0)
+    # A good registration among bad ones does not set the clock back.
+    failing = jnp.where(well, 0.0, now.failing + jnp.where(failed, period, 0.0))
     predicts = failing <= params.predict_time
     keeps_lane = has_lane & (failing <= params.lane_time)
     blind = jnp.where(failed & ~predicts & ~keeps_lane, now.blind + period, 0.0)

@@ -23,6 +23,8 @@ from urbanjax.types import Observation, Scan, ScenarioError, pytree, static
 
 STARTS = ("predict_on_failure", "always_predict", "previous")
 PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
+SUSPICIOUS = 0.7  # of a sign, from which on other starts are tried
+MARGIN = 2.0  # m, of the map's window beyond the points of the scan
 AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02))  # m, m, rad
 
 
@@ -53,6 +55,7 @@ class LidarState:
     covariance: Array  # [3, 3] of (x, y, heading) in the body frame
     odometry: OdometryState
     monitor: Monitor
+    started: Array  # [] bool, there was a step before
 
 
 @pytree
@@ -71,13 +74,14 @@ class LidarInfo:
 
 
 def init(params: LidarLocalizerParams, pose: jaxlie.SE2) -> LidarState:
-    """The state before the first scan. Args: pose, T_map_body of the rear axle, within a metre or so."""
+    """The state before the first scan. Args: pose, T_map_body of the rear axle at that scan, within half a metre."""
     dtype = pose.translation().dtype
     return LidarState(
         pose=motion.spatial(pose),
         covariance=jnp.diag(jnp.array([0.1, 0.1, 0.01], dtype)),
         odometry=odometry.init(params.odometry, params.preprocess.downsample.capacity, dtype),
         monitor=health.init(dtype),
+        started=jnp.asarray(False),
     )
 
 
@@ -92,7 +96,9 @@ def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[Po
         turn, jnp.stack([jnp.asarray(v, turn.wxyz.dtype) for v in (x, y, z)])
     )
     points = motion.deskew(scan, mount, observation.odometry)
-    near = points[:, 0] ** 2 + points[:, 1] ** 2 < params.sensing_radius**2
+    # Beyond the window of the map a point could not be explained, and would count against the registration.
+    reach = jnp.minimum(params.sensing_radius, sliding.radius(observation.odometry.speed, params.sliding) - MARGIN)
+    near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach**2
     cloud, info = preprocess(points, scan.valid.reshape(-1) & near, params.preprocess)
     return cloud, info.dropped
 
@@ -109,7 +115,7 @@ def step(
         cloud, dropped = cloud_of(params, observation)
         seen = jnp.sum(cloud.valid) >= params.preprocess.features.neighbours
     with jax.named_scope("odometry"):
-        wheels = motion.travelled(observation.odometry, params.period)
+        wheels = motion.travelled(observation.odometry, jnp.where(state.started, params.period, 0.0))
         tracking, odometer = odometry.step(params.odometry, state.odometry, cloud, wheels)
         predicted = (state.pose @ odometer.increment).normalize()
     with jax.named_scope("window"):
@@ -144,7 +150,7 @@ def step(
         ),
         dropped=jnp.stack([dropped, missed]),
     )
-    following = LidarState(pose.normalize(), covariance, tracking, monitor)
+    following = LidarState(pose.normalize(), covariance, tracking, monitor, jnp.asarray(True))
     return Localization(motion.planar(pose), covariance, monitor.health, info), following
 
 
@@ -165,7 +171,7 @@ def _with_spread(
     target: DistributionMap,
     found: Alignment,
 ) -> Float[Array, "8"]:
-    """The signs with SPREAD: where other starts end. Looked at only if another sign is half way to failure."""
+    """The signs with SPREAD: where other starts end. Looked at only if another sign is not far from failure."""
 
     def spread() -> Array:
         around = jnp.array(AROUND, signs.dtype)
@@ -174,7 +180,7 @@ def _with_spread(
         ends = align_starts(cloud, target, starts, params.align).pose.translation()
         return jnp.max(safe.norm(ends - found.pose.translation()[None]))
 
-    suspicious = (jnp.max(signs) > 0.5) & (jnp.max(signs) <= 1)
+    suspicious = (jnp.max(signs) > SUSPICIOUS) & (jnp.max(signs) <= 1)
     value = lax.cond(suspicious, spread, lambda: jnp.zeros((), signs.dtype))
     return signs.at[Sign.SPREAD].set(value / params.health.spread)
 

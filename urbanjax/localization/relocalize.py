@@ -19,8 +19,11 @@ class RelocalizeParams:
     """Where a lost vehicle is looked for."""
 
     max_distance: float = 4.0  # m, of correspondences: wide, since a start may be metres off
+    near: float = 0.5  # m, of correspondences that count in the end
     least_share: float = 0.6  # of points with a correspondence, below which nothing was found
-    starts: int = static(default=64)  # K
+    starts: int = static(default=96)  # K
+    finalists: int = static(default=8)  # of them, that are refined
+    max_iterations: int = static(default=12)  # of the first round
     at_once: int = static(default=1)  # see registration.align_starts
 
 
@@ -30,8 +33,8 @@ class Relocalization:
 
     pose: jaxlie.SE3  # T_map_body
     found: Array  # [] bool
-    share: Array  # [K] inlier shares
-    start: Array  # [] int32, the one that it came from
+    share: Array  # [F] inlier shares of the finalists
+    start: Array  # [] int32, the one of the K that it came from
 
 
 def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int) -> jaxlie.SE3:
@@ -55,21 +58,26 @@ def relocalize(
 ) -> tuple[Relocalization, LidarState]:
     """The pose found from stacked `starts` [K], and the localizer's state with it: good until shown otherwise.
 
-    Best is the start whose alignment explains the largest share of the scan within the localizer's own distance.
+    First all starts with wide correspondences, then the `finalists` with near ones: best is the start whose alignment
+    explains the largest share of the scan.
     """
     cloud, _ = lidar.cloud_of(localizer, observation)
     centre = jnp.mean(starts.translation(), axis=0)
     target, _ = sliding.window(world, centre, jnp.asarray(jnp.inf, centre.dtype), localizer.sliding)
-    wide = localizer.align.replace(factor=localizer.align.factor.replace(max_distance=params.max_distance))
+    factor = localizer.align.factor
+    wide = localizer.align.replace(
+        factor=factor.replace(max_distance=params.max_distance), max_iterations=params.max_iterations
+    )
     rough = align_starts(cloud, target, starts, wide, params.at_once)
-    tight = localizer.align.replace(factor=localizer.align.factor.replace(max_distance=0.5))
-    fine = align_starts(cloud, target, rough.pose, tight, params.at_once)
+    _, best = jax.lax.top_k(rough.inlier_share - rough.matching_error / params.max_distance, params.finalists)
+    tight = localizer.align.replace(factor=factor.replace(max_distance=params.near))
+    fine = align_starts(cloud, target, jax.tree.map(lambda x: x[best], rough.pose), tight, params.at_once)
     share = jnp.where(fine.converged, fine.inlier_share, 0.0)
-    best = jnp.argmax(share)
-    pose = jax.tree.map(lambda x: x[best], fine.pose)
-    found = share[best] > params.least_share
+    first = jnp.argmax(share)
+    pose = jax.tree.map(lambda x: x[first], fine.pose)
+    found = share[first] > params.least_share
     monitor = health.init(centre.dtype)
     monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32))
     moved = state.replace(pose=pose, monitor=monitor)
     following = jax.tree.map(lambda a, b: jnp.where(found, a, b), moved, state)
-    return Relocalization(pose, found, share, best.astype(jnp.int32)), following
+    return Relocalization(pose, found, share, best[first]), following

@@ -11,7 +11,7 @@ from urbanjax.roadmap.course import Course
 from urbanjax.sim import log, world
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.log import Log
-from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.sim.world import Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import pytree
 
@@ -57,17 +57,19 @@ def rollout(
     start: WorldState,
     n_steps: int,
     keep: Callable[[StackInfo], Any] = trace,
+    sensing: Sensing | None = None,
 ) -> tuple[Log, Any]:
     """Drive `n_steps` stack steps from `start`; returns the log and what `keep` keeps of the info, stacked over time.
 
     Pure: jit it with static `n_steps` and `keep`, vmap it over starts and parameters, differentiate it with respect to
-    parameters. Args: lanes, the simulator's tables of `course.graph` (`sim.lanes.from_graph`).
+    parameters. Args: lanes, the simulator's tables of `course.graph` (`sim.lanes.from_graph`); sensing, for a
+    stack that localizes itself from scans.
     """
     relaxation = params.stack.relaxation
 
     def body(carry: tuple, _: None) -> tuple[tuple, tuple]:
         state, now = carry
-        observation = world.observe(params.sim, lanes, now)
+        observation = world.observe(params.sim, lanes, now, sensing)
         command, following, info = stack.step(params.stack, course, state, observation)
         entry = log.record(params.sim, lanes, now, command, relaxation)
         after = world.step(params.sim, lanes, now, command, params.period, relaxation)

@@ -12,6 +12,8 @@ from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
+from urbanjax.sim.sensors.lidar import LidarParams, sweep
+from urbanjax.sim.sensors.surroundings import Surroundings
 from urbanjax.sim.signals import SignalProgram
 from urbanjax.types import Command, Objects, Observation, Odometry, VehicleState, pytree, static
 from urbanjax.vehicle.following import free_acceleration
@@ -28,6 +30,7 @@ class SimParams:
     vehicle: VehicleParams = VehicleParams()  # the ego
     traffic: TrafficParams = TrafficParams()
     reaction: ReactionParams = ReactionParams()
+    lidar: LidarParams = LidarParams()
     range: float = 100.0  # m, within which the ego perceives objects
     n_objects: int = static(default=16)  # the nearest ones are observed
     substeps: int = static(default=2)  # per policy step; a substep should not exceed 0.05 s
@@ -150,8 +153,19 @@ def _holds(lanes: Lanes, world: WorldState, drivers: mobil.Drivers, params: Traf
     return jnp.minimum(jnp.minimum(red, end), way)[:v]
 
 
-def observe(params: SimParams, lanes: Lanes, world: WorldState) -> Observation:
-    """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals."""
+@pytree
+class Sensing:
+    """What a sensor needs of the world beyond the road, for egos that find their pose from scans."""
+
+    surroundings: Surroundings
+    key: Array  # of the noise
+
+
+def observe(params: SimParams, lanes: Lanes, world: WorldState, sensing: Sensing | None = None) -> Observation:
+    """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals.
+
+    With `sensing` it is not told its pose, but given a scan of its LiDAR.
+    """
     ego = world.ego
     odometry = Odometry(
         ego.speed,
@@ -159,11 +173,17 @@ def observe(params: SimParams, lanes: Lanes, world: WorldState) -> Observation:
         ego.steering,
         ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase,
     )
+    vehicles = agents.objects(lanes, world.traffic, params.traffic)
+    scan = None
+    if sensing is not None:
+        key = jax.random.fold_in(sensing.key, world.count)
+        scan = sweep(params.lidar, sensing.surroundings, vehicles, ego, odometry.yaw_rate, key)
     return Observation(
         odometry=odometry,
-        objects=nearest_objects(params, agents.objects(lanes, world.traffic, params.traffic), ego),
+        objects=nearest_objects(params, vehicles, ego),
         signals=signals.show(world.signals, world.time),
-        pose=ego.pose,
+        pose=ego.pose if sensing is None else None,
+        scan=scan,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from urbanjax.io.studies.localize.district import World
 from urbanjax.io.studies.localize.track import Change, Programs, Track
-from urbanjax.localization.types import Health
+from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.sim.sensors.surroundings import Surroundings, altered
 from urbanjax.types import pytree, static
@@ -97,10 +97,10 @@ def _one(
         change = Change(map=gap(world, middle, float(params.gap_length)))
         reach = station[middle] + float(params.gap_length) / 2
         end = max(int(np.searchsorted(station, reach)) - first, begin + 1)
-        begin = max(int(np.searchsorted(station, reach - float(params.gap_length))) - first, 1)
+        begin = max(int(np.searchsorted(station, reach - float(params.gap_length))) - first, 0)
         index = list(range(first, first + end + after))
     elif kind == "wrong_map":
-        begin, end = 1, len(index) - 1
+        begin, end = 0, len(index) - 1
         change = Change(surroundings=_changed(world.surroundings, float(params.altered_share), seed))
     else:
         low, high = (float(x) for x in params.kidnap)
@@ -109,7 +109,7 @@ def _one(
         end = begin + 1
     index = [k for k in index if k < len(station)]
     key = jax.random.fold_in(jax.random.key(7), 100 * seed + KINDS.index(kind))
-    return Fault(kind, seed, begin - 1, end - 1, programs.run(key, index, change))
+    return Fault(kind, seed, begin, end, programs.run(key, index, change))
 
 
 def gap(world: World, step: int, length: float) -> VoxelMap:
@@ -180,9 +180,10 @@ def table(faults: list[Fault], period: float) -> dict[str, list[Any]]:
 
 def detection(tracks: Sequence[Track]) -> dict[str, float | int | None]:
     """ROC-AUC of the detector and of Eq. 8, over all registrations of these tracks; wrong means WRONG metres off."""
-    wrong = np.concatenate([track.registered > WRONG for track in tracks])
-    score = np.concatenate([track.rows.signs.max(1) for track in tracks])
-    literal = np.concatenate([track.rows.literal for track in tracks])
+    there = np.concatenate([track.rows.signs[:, Sign.SCAN] <= 1 for track in tracks])
+    wrong = np.concatenate([track.registered > WRONG for track in tracks])[there]
+    score = np.concatenate([track.rows.signs.max(1) for track in tracks])[there]
+    literal = np.concatenate([track.rows.literal for track in tracks])[there]
     return {
         "registrations": len(wrong),
         "registrations_wrong": int(wrong.sum()),

@@ -43,7 +43,7 @@ def draw_fig7(world: World, methods: list[Method], path: Path) -> None:
         _zoom(drift, odometry.path[int(np.argmax(odometry.distance)), :2], 25.0)
         drift.set_title(f"(b) odometry, where it is {odometry.distance.max():.1f} m off")
         at = plain.diverged
-        where = truth[plain.begin + at] if at is not None else truth[len(truth) // 2]
+        where = truth[at] if at is not None else truth[len(truth) // 2]
         _zoom(lost, where, 40.0)
         lost.set_title("(c) matching alone is lost" if at is not None else "(c) matching alone is not lost")
 
@@ -69,9 +69,7 @@ def draw_errors(world: World, methods: list[Method], tracks: dict[str, Track], p
         axes = canvas.subplots(4, 1, sharex=True)
         for m in methods:
             if m.name in COLOURS:
-                axes[0].semilogy(
-                    time[m.begin : m.begin + len(m.distance)], m.distance, color=COLOURS[m.name], lw=0.9, label=m.name
-                )
+                axes[0].semilogy(time[: len(m.distance)], m.distance, color=COLOURS[m.name], lw=0.9, label=m.name)
         axes[0].axhline(WRONG, color="black", lw=0.8, ls="--")
         axes[0].set(title="Planar error", ylabel="m", ylim=(1e-4, 3e2))
         axes[0].legend(ncols=3, loc="upper left")

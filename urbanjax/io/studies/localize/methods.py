@@ -10,6 +10,7 @@ import numpy as np
 from urbanjax.io.studies.localize import district
 from urbanjax.io.studies.localize.district import World, WorldParams
 from urbanjax.io.studies.localize.faults import WRONG, FaultParams
+from urbanjax.io.studies.localize.loop import LoopStudy
 from urbanjax.io.studies.localize.track import Programs, Track
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.motion import arc
@@ -27,6 +28,7 @@ class LocalizeStudy:
     search: RelocalizeParams = RelocalizeParams()
     world: WorldParams = WorldParams()
     faults: FaultParams = FaultParams()
+    loop: LoopStudy = LoopStudy()
     output_rate: float = 90.0  # Hz, of the poses put out between scans
     give_up: float = 100.0  # m, an error at which a method without a way back is stopped
     scans: int = static(default=0, metadata={"range": (0, 100_000)})  # of the drive, 0 for all of it
@@ -46,7 +48,6 @@ class Method:
     milliseconds: np.ndarray  # per scan
     failures: int
     path: np.ndarray  # [T, 3] x, y, heading
-    begin: int = 0  # step of the drive of the first pose
     outputs: int = 0  # poses, with those put out between scans
 
     @property
@@ -79,7 +80,7 @@ def compare(
 ) -> tuple[list[Method], dict[str, Track]]:
     """All methods on the whole drive (or `scans` of it), and the tracks that they come from."""
     localizer = district.mounted(study.localizer, study.world.sensor)
-    last = len(world.tour.time) if not study.scans else min(study.scans + 1, len(world.tour.time))
+    last = len(world.tour.time) if not study.scans else min(study.scans, len(world.tour.time))
     tracks = {}
     for name, changes in VARIANTS.items():
         programs = Programs(world, *as_arrays((localizer.replace(**changes), study.search, study.world.sensor)))
@@ -90,7 +91,7 @@ def compare(
             stop_at=float(study.give_up) if changes.get("fallback") is False else None,
             tick=lambda name=name, done=done: tick(name, next(done) / last),
         )
-    return _methods(world, tracks, last - 1, float(study.output_rate), float(localizer.period)), tracks
+    return _methods(world, tracks, last, float(study.output_rate), float(localizer.period)), tracks
 
 
 def _methods(world: World, tracks: dict[str, Track], scans: int, rate: float, period: float) -> list[Method]:
@@ -100,11 +101,11 @@ def _methods(world: World, tracks: dict[str, Track], scans: int, rate: float, pe
         rows = track.rows
         failures = int(rows.failed.sum())
         made.append(
-            Method(name, rows.error, scans, track.milliseconds[1:], failures, rows.pose, 1, per_scan * len(rows.failed))
+            Method(name, rows.error, scans, track.milliseconds[1:], failures, rows.pose, per_scan * len(rows.failed))
         )
     main = tracks["proposed"]
     away, path = _from_start(world, main)
-    made.insert(2, Method("LiDAR odometry", away, scans, main.milliseconds[1:], 0, path, 1, len(away)))
+    made.insert(2, Method("LiDAR odometry", away, scans, main.milliseconds[1:], 0, path, len(away)))
     literal = tracks["proposed, Eq. 8-10"]
     kept = ~literal.rows.failed
     matched = Method(
@@ -114,7 +115,6 @@ def _methods(world: World, tracks: dict[str, Track], scans: int, rate: float, pe
         literal.milliseconds[1:],
         int((~kept).sum()),
         literal.rows.pose[kept],
-        1,
         int(kept.sum()),
     )
     made.insert(3, matched)

@@ -92,7 +92,7 @@ class Programs:
         tour, truth = self.world.tour, self.world.course.map if change.map is None else change.map
         state = self._init(self.localizer, _at(tour.ego, index[0]).pose)
         rows, took, anew, searches = [], [], [], []
-        for n, k in enumerate(index[1:], 1):
+        for n, k in enumerate(index):
             surroundings = self.world.surroundings if change.surroundings is None else change.surroundings
             seen = self._look(self.sensor, surroundings, tour, jnp.asarray(k), key, jnp.asarray(n in change.lost))
             seen = jax.block_until_ready(seen)
@@ -112,7 +112,7 @@ class Programs:
             if stop_at is not None and float(np.hypot(*row.error[:2])) > stop_at:
                 break
         stacked = jax.tree.map(lambda *x: np.stack([np.asarray(v) for v in x]), *rows)
-        return Track(np.asarray(index[1 : len(rows) + 1]), stacked, np.array(took), np.array(anew), np.array(searches))
+        return Track(np.asarray(index[: len(rows)]), stacked, np.array(took), np.array(anew), np.array(searches))
 
 
 @dataclasses.dataclass(frozen=True)
