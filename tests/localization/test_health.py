@@ -1,0 +1,44 @@
+"""The state machine, scan by scan, and Eq. 8 beside it."""
+
+import jax.numpy as jnp
+import jaxlie
+import numpy as np
+import pytest
+
+from urbanjax.localization import health
+from urbanjax.localization.health import HealthParams
+from urbanjax.localization.types import Health
+from urbanjax.types import as_arrays
+
+PARAMS = as_arrays(HealthParams(predict_time=0.55, lane_time=1.05, stop_time=0.45))
+N, P, L, R, S = (int(state) for state in Health)
+
+
+def states(failed: str, has_lane: bool) -> list[int]:
+    now, seen = health.init(), []
+    for mark in failed:
+        now = health.advance(now, jnp.asarray(mark == "x"), jnp.asarray(has_lane), 0.1, PARAMS)
+        seen.append(int(now.health))
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("failed", "has_lane", "expected"),
+    [
+        ("....", False, [N, N, N, N]),
+        ("x...", False, [P, P, P, N]),
+        ("x.x...", False, [P, P, P, P, P, N]),
+        ("xxxxxxxxxxx", False, [P] * 5 + [R] * 4 + [S] * 2),
+        ("xxxxxxxxxxxxxxx", True, [P] * 5 + [L] * 5 + [R] * 4 + [S]),
+        ("xxxxxxxxxxx...", False, [P] * 5 + [R] * 4 + [S] * 2 + [R, R, N]),
+    ],
+)
+def test_states(failed, has_lane, expected):
+    assert states(failed, has_lane) == expected
+
+
+def test_literal_gate_is_eq_8():
+    here = jaxlie.SE3.identity()
+    there = jaxlie.SE3.from_translation(jnp.array([3.0, 4.0, 0.0]))
+    assert float(health.literal_gate(here, there, 64, 3.0)) == pytest.approx(5 / 192)
+    np.testing.assert_allclose(health.literal_gate(here, there, 1, 2.5), 2.0)

@@ -1,0 +1,50 @@
+"""A lost pose is found among the lanes around, or is said not to be found."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.localization import relocalize
+from urbanjax.localization.relocalize import RelocalizeParams
+from urbanjax.localization.types import Health
+from urbanjax.types import as_arrays
+
+PARAMS = RelocalizeParams(starts=24, finalists=4)
+
+
+@pytest.fixture(scope="module")
+def search(street):
+    run = jax.jit(relocalize.relocalize)
+    return functools.partial(run, as_arrays(PARAMS), street.localizer, street.map)
+
+
+def test_starts_are_the_nearest_lane_points(street, drive):
+    pose = drive.states[5].pose
+    starts = relocalize.lane_starts(street.graph, pose, 24)
+    away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - np.asarray(pose.translation())[None, :2], axis=1)
+    everywhere = np.asarray(street.graph.centre).reshape(-1, 2)
+    best = np.sort(np.linalg.norm(everywhere - np.asarray(pose.translation())[None, :2], axis=1))[:24]
+    np.testing.assert_allclose(np.sort(away), best, atol=1e-3)
+
+
+def test_a_vehicle_put_elsewhere_is_found(street, drive, search):
+    lost = drive.states[5]  # believes to be at x = 64
+    seen = street.observe(street.ego(78.0), 9)
+    found, state = search(lost, seen, relocalize.lane_starts(street.graph, lost.pose, 24))
+    assert bool(found.found)
+    np.testing.assert_allclose(state.pose.translation()[:2], [78.0, 0.0], atol=0.1)
+    assert int(state.monitor.health) == Health.PREDICT
+    after, _ = street.step(street.localizer, street.map, street.graph, state, street.observe(street.ego(79.0), 10))
+    np.testing.assert_allclose(after.pose.translation(), [79.0, 0.0], atol=0.1)
+
+
+def test_what_is_not_there_is_not_found(street, drive, search):
+    lost = drive.states[5]
+    seen = street.observe(street.ego(150.0), 9)
+    empty = seen.replace(scan=seen.scan.replace(valid=jnp.zeros_like(seen.scan.valid)))
+    found, state = search(lost, empty, relocalize.lane_starts(street.graph, lost.pose, 24))
+    assert not bool(found.found)
+    np.testing.assert_array_equal(state.pose.parameters(), lost.pose.parameters())
