@@ -56,6 +56,7 @@ class WorldParams:
     drive: TourParams = TourParams()
     sensor: LidarParams = LidarParams()
     mapping: MappingParams = MappingParams()
+    stretch: float = 0.0  # m of the course that are mapped and driven, 0 for all of it
     seed: int = static(default=0)
 
 
@@ -76,6 +77,9 @@ def build(
         points = mapping.build(scans, params.mapping.resolution)
     world = mapping.distributions(points, params.mapping.distributions)
     truth = tour.drive(jax.random.fold_in(key, 2), course, params.drive)
+    if params.stretch:
+        steps = int(np.searchsorted(np.asarray(truth.station), float(params.stretch)))
+        truth = jax.tree.map(lambda x: x[:steps], truth)
     return World(course.replace(map=world), surroundings, points, truth)
 
 
@@ -84,9 +88,9 @@ def _mapping_scans(
 ) -> Iterator[tuple[PointCloud, np.ndarray]]:
     """Clouds of the mapping drive with the poses that the map is made with."""
     drive = tour.drive(key, course, params.mapping.drive.replace(wheel_scale=1.0, wheel_noise=0.0, yaw_noise=0.0))
-    every = np.unique(
-        np.searchsorted(np.asarray(drive.station), np.arange(0, float(drive.station[-1]), params.mapping.spacing))
-    )
+    far = float(drive.station[-1])
+    far = min(params.stretch + params.mapping.reach, far) if params.stretch else far
+    every = np.unique(np.searchsorted(np.asarray(drive.station), np.arange(0, far, params.mapping.spacing)))
     rng = np.random.default_rng(params.seed)
     prepare = mounted(localizer, params.sensor).replace(
         preprocess=params.mapping.preprocess, sensing_radius=params.mapping.reach

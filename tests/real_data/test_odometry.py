@@ -1,0 +1,29 @@
+"""Odometry on real scans, from a folder to poses, beside the published ones."""
+
+import numpy as np
+import pytest
+
+from urbanjax.io.poses import read_kitti
+from urbanjax.io.studies.localize import folder
+from urbanjax.io.studies.localize.methods import LocalizeStudy
+from urbanjax.types import FileError
+
+pytestmark = pytest.mark.real_data
+
+
+def test_ten_scans_of_kitti(data_dir):
+    files = folder.scans_in(data_dir / "lidar" / "kitti00")
+    files = [file for file in files if file.suffix == ".bin"]
+    truth = read_kitti(data_dir / "lidar" / "kitti00" / "ref_small_gicp_poses_velo.txt")
+    poses, rows = folder.drive(LocalizeStudy(), files)
+    away = np.linalg.norm((np.linalg.inv(np.linalg.inv(truth[0]) @ truth) @ poses)[:, :3, 3], axis=1)
+    assert len(poses) == 10
+    assert all(row["fits"] for row in rows)
+    assert away.max() < 0.10
+
+
+def test_a_folder_without_scans_is_refused(tmp_path):
+    with pytest.raises(FileError, match="two are needed"):
+        folder.scans_in(tmp_path)
+    with pytest.raises(FileError, match="no such folder"):
+        folder.scans_in(tmp_path / "none")
