@@ -1,0 +1,98 @@
+"""What the localization study counts: coverage, divergence, unnoticed errors, recovery and the detector's score."""
+
+import numpy as np
+import pytest
+
+from urbanjax.io.studies.localize import faults, methods
+from urbanjax.io.studies.localize.faults import Fault
+from urbanjax.io.studies.localize.methods import Method
+from urbanjax.io.studies.localize.track import Row, Track
+from urbanjax.localization.types import Health, Sign
+
+
+def track(errors, health=None, registered=None, signs=None) -> Track:
+    n = len(errors)
+    flat = np.stack([np.asarray(errors, float), np.zeros(n), np.zeros(n)], 1)
+    other = flat if registered is None else np.stack([np.asarray(registered, float), np.zeros(n), np.zeros(n)], 1)
+    marks = np.zeros((n, len(Sign)))
+    if signs is not None:
+        marks[:, Sign.INLIERS] = signs
+    zeros = np.zeros(n)
+    rows = Row(
+        pose=flat,
+        error=flat,
+        registered=other,
+        odometry=flat,
+        covariance=np.zeros((n, 3, 3)),
+        health=np.full(n, Health.NORMAL) if health is None else np.asarray(health),
+        failed=marks.max(1) > 1,
+        signs=marks,
+        literal=zeros,
+        inlier_share=zeros,
+        matching_error=zeros,
+        residual=zeros,
+        iterations=zeros,
+        dropped=np.zeros((n, 2)),
+    )
+    return Track(np.arange(n), rows, np.ones(n), np.zeros(n, bool), np.zeros(0))
+
+
+def test_unnoticed_is_the_longest_run_of_wrong_and_normal():
+    wrong = [0, 1, 1, 0, 1, 1, 1, 1, 0]
+    health = [0, 0, 0, 0, 0, 0, 1, 0, 0]
+    assert Fault("kidnapping", 0, 1, 2, track(wrong, health)).unnoticed == 2
+    assert Fault("kidnapping", 0, 1, 2, track([0, 0, 0])).unnoticed == 0
+
+
+@pytest.mark.parametrize(
+    ("errors", "health", "expected"),
+    [
+        ([0, 9, 9, 0, 0, 0], [0, 1, 1, 1, 0, 0], 2),
+        ([0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0], 0),
+        ([0, 9, 9, 9, 9, 9], [0, 1, 1, 1, 1, 1], None),
+        ([0, 9, 9, 0, 9, 0], [0, 0, 0, 0, 0, 0], 3),
+    ],
+)
+def test_recovery_counts_from_the_end_of_the_failure(errors, health, expected):
+    assert Fault("scan_loss", 0, 1, 2, track(errors, health)).recovery == expected
+
+
+def test_area_under_the_curve():
+    wrong = np.array([False, False, True, True])
+    assert faults.roc(np.array([1.0, 2.0, 3.0, 4.0]), wrong) == 1.0
+    assert faults.roc(np.array([4.0, 3.0, 2.0, 1.0]), wrong) == 0.0
+    assert faults.roc(np.array([1.0, 3.0, 2.0, 4.0]), wrong) == 0.75
+    assert faults.roc(np.ones(4), wrong) == 0.5
+    assert faults.roc(np.ones(4), np.zeros(4, bool)) is None
+
+
+def test_detection_counts_misses_and_false_alarms():
+    seen = faults.detection([track([0.0] * 4, registered=[0, 0, 9, 9], signs=[0.1, 1.5, 0.2, 3.0])])
+    assert (seen["registrations_wrong"], seen["detector_missed"], seen["detector_false_alarms"]) == (2, 1, 1)
+    assert seen["detector_auc"] == 0.75
+
+
+def method(errors, scans=None) -> Method:
+    flat = np.stack([np.asarray(errors, float), np.zeros(len(errors)), np.zeros(len(errors))], 1)
+    return Method("m", flat, scans or len(errors), np.ones(len(errors)), 0, flat, len(errors))
+
+
+def test_coverage_is_of_all_scans_and_divergence_for_good():
+    assert method([0.1, 0.2, 0.7, 0.1], scans=8).coverage == 3 / 8
+    assert method([0.1, 3.0, 0.1, 3.0, 4.0]).diverged == 3
+    assert method([0.1, 3.0, 0.1]).diverged is None
+    assert method([3.0, 3.0]).diverged == 0
+
+
+def test_errors_are_seen_from_the_true_body():
+    truth = np.array([[10.0, 5.0, np.pi / 2]])
+    moved = methods.compose(truth, np.array([[2.0, 1.0, 0.1]]))
+    np.testing.assert_allclose(moved, [[9.0, 7.0, np.pi / 2 + 0.1]], atol=1e-12)
+    np.testing.assert_allclose(methods.between(truth, moved), [[2.0, 1.0, 0.1]], atol=1e-12)
+    wrapped = methods.between(np.array([[0.0, 0.0, -3.1]]), np.array([[0.0, 0.0, 3.1]]))
+    np.testing.assert_allclose(wrapped[0, 2], 6.2 - 2 * np.pi, atol=1e-12)
+
+
+def test_the_table_has_a_column_for_each_method():
+    rows = methods.table([method([0.1]), method([0.2])], 0.1)
+    assert len(methods.as_printed(rows)["m"]) == len(rows) - 1
