@@ -7,7 +7,7 @@ import pytest
 
 from tests.registration.conftest import courtyard
 from urbanjax import registration
-from urbanjax.registration.cells import number_cells, slots_for
+from urbanjax.registration import cells
 from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.registration.features import FeatureParams, features
 from urbanjax.types import CloudError, as_arrays
@@ -47,21 +47,34 @@ def test_what_does_not_fit_is_counted_and_what_is_not_finite_does_not_count():
     assert np.isfinite(np.asarray(cloud.position)).all()
 
 
-@pytest.mark.parametrize(("reach", "slots"), [(9, slots_for(3000)), (9, 4096), (4, 512)])  # the last is filled wholly
-def test_cells_share_a_number_if_and_only_if_they_are_the_same(reach, slots):
-    cell = np.random.default_rng(0).integers(-reach, reach, (3, 3000)).astype(np.int32)
-    number = np.asarray(jax.jit(number_cells, static_argnums=2)(cell, np.arange(3000) < 2900, slots))
-    _, identity = np.unique(cell.T[:2900], axis=0, return_inverse=True)
-    pairs = {(a, b) for a, b in zip(identity.ravel(), number[:2900], strict=True)}
-    assert len(pairs) == len(set(number[:2900])) == identity.max() + 1
-    assert np.all(number[2900:] == slots)
+@pytest.mark.parametrize("alike", [False, True])  # whatever the hash does, even if it is the same for all
+def test_points_share_a_representative_if_and_only_if_they_share_a_cell(alike, monkeypatch):
+    if alike:
+        monkeypatch.setattr(cells, "PRIMES", (0, 0, 0))
+    cell = np.random.default_rng(0).integers(-3, 3, (3, 600)).astype(np.int32)
+    valid = np.arange(600) < 590
+    first = np.asarray(jax.jit(lambda *x: cells.representatives(*x))(cell, valid))
+    assert np.all(first[590:] == 600)
+    assert np.all(first[first[:590]] == first[:590])
+    assert np.array_equal(cell[:, first[:590]], cell[:, :590])
+    assert len(set(first[:590])) == len(np.unique(cell[:, :590], axis=1).T)
+
+
+@pytest.mark.parametrize("n", [1, 31, 32, 33, 1000, 5000])
+def test_places_are_counted(n):
+    mask = np.random.default_rng(n).uniform(size=n) < 0.4
+    np.testing.assert_array_equal(jax.jit(cells.before)(mask), np.cumsum(mask) - mask)
+    index = np.flatnonzero(mask)[:50]
+    np.testing.assert_array_equal(
+        jax.jit(cells.chosen, static_argnums=1)(mask, 50), np.pad(index, (0, 50 - len(index)), constant_values=n)
+    )
 
 
 def test_normals_are_those_of_the_ten_nearest_points():
     points = courtyard(1000, 3)
     valid = np.arange(1000) < 990
     cloud, certain = jax.jit(features)(
-        registration.cloud(jnp.asarray(points), valid=jnp.asarray(valid)), as_arrays(FeatureParams(visits=63))
+        registration.cloud(jnp.asarray(points), valid=jnp.asarray(valid)), as_arrays(FeatureParams(visits=256))
     )
     assert float(certain) == 1
     found, normals = np.asarray(cloud.position).T, np.asarray(cloud.normal).T

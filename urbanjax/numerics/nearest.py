@@ -1,143 +1,133 @@
-"""Exact k nearest neighbours among many points, with a certificate for each.
+"""The k nearest neighbours among many points, with a certificate for each, in time linear in their number.
 
-Points are sorted along a space-filling curve and cut into blocks; each block looks at the blocks nearest to it. All of
-it is dense arithmetic on arrays of static shape, and adapts to the density of the points as a tree would.
+The points are sorted along a space-filling curve and cut into groups of four, those into groups of sixteen, and so on:
+a tree without pointers, which adapts to the density of the points. From the top down each group looks at the groups
+nearest to it, among the parts of those that its parent looks at. All of it is dense arithmetic on arrays of static
+shape.
 """
 
-import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
+from urbanjax.numerics import hilbert
+from urbanjax.numerics.selection import smallest, tagged, untagged
 from urbanjax.types import pytree
 
-BITS = 30  # of the curve, shared by the dimensions
-
-
-@pytree
-class Blocks:
-    """N points in G blocks of B along a curve, and the V blocks that each looks at, nearest first, itself included."""
-
-    order: Array  # [N] int32, point at each place of the curve
-    place: Array  # [N] int32, place of each point
-    position: Array  # [D, G, B]
-    valid: Array  # [G, B] bool
-    near: Array  # [G, V] int32
-    beyond: Array  # [G] squared distance to the nearest block that is not looked at
+FAN = 4  # parts of a group
+WIDE = 31  # groups that those above the smallest look at, or more: what they miss, none below them can find
+TOP = 256  # groups up to which all look at all
 
 
 @pytree
 class Neighbours:
-    """The k nearest points of each point, itself included."""
+    """The k nearest valid points of each of N points, itself included, nearest first. Points are in sorted order."""
 
-    index: Array  # [N, k] int32, nearest first
-    squared: Array  # [N, k] squared distance; inf where there are fewer than k points
+    order: Array  # [N] int32, the points along the curve, invalid ones last
+    index: Array  # [k, N] int32, places along the curve; the point's own where there are fewer than k
+    squared: Array  # [k, N] squared distance, rounded down, by 1e-5 of it at the default visits; inf where missing
     exact: Array  # [N] bool: no point that was not looked at can be nearer
 
 
-def curve(points: Float[Array, "d n"], valid: Bool[Array, " n"]) -> Int[Array, " n"]:
-    """The place [N] of points along the Z-order curve over their bounding box; the last place for invalid ones."""
-    bits = BITS // points.shape[0]
-    low = jnp.min(jnp.where(valid[None], points, jnp.inf), axis=1, keepdims=True)
-    high = jnp.max(jnp.where(valid[None], points, -jnp.inf), axis=1, keepdims=True)
-    size = jnp.maximum(jnp.max(high - low), jnp.finfo(points.dtype).tiny)
-    steps = jnp.where(valid[None], jnp.clip((points - low) / size * 2**bits, 0, 2**bits - 1), 0).astype(jnp.int32)
-    code = jnp.zeros(points.shape[1:], jnp.int32)
-    for bit in range(bits):
-        for i, step in enumerate(steps):
-            code = code | (((step >> bit) & 1) << (bit * len(steps) + i))
-    return jnp.where(valid, code, jnp.iinfo(jnp.int32).max)
+def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], k: int, visits: int = 24) -> Neighbours:
+    """The k nearest valid points of each point. Not differentiable.
 
-
-def arrange(points: Float[Array, "d n"], valid: Bool[Array, " n"], block: int, visits: int) -> Blocks:
-    """The points in blocks. Args: block, points that go together; visits, blocks that each block looks at."""
+    Where `exact` is false the neighbours are near ones, but perhaps not the nearest; more visits mend it. Args: visits,
+    groups of four points that each group looks at; more than some dozens take long to compile.
+    """
     d, n = points.shape
-    count = -(-n // block)
-    visits = min(visits, count)
-    index = jnp.arange(n, dtype=jnp.int32)
-    _, order = lax.sort((curve(points, valid), index), num_keys=1)
-    spare = count * block - n
-    there = jnp.pad(valid[order], (0, spare)).reshape(count, block)
-    position = jnp.pad(points[:, order], ((0, 0), (0, spare))).reshape(d, count, block)
-    low = jnp.min(jnp.where(there[None], position, jnp.inf), axis=2)
-    high = jnp.max(jnp.where(there[None], position, -jnp.inf), axis=2)
-    # Kept apart from what follows, or each pair of blocks would compute its boxes anew.
-    low, high = lax.optimization_barrier((low, high))
-    apart = jnp.zeros((count, count), points.dtype)
-    for a, b in zip(low, high, strict=True):
-        between = jnp.maximum(a[None, :] - b[:, None], a[:, None] - b[None, :])
-        apart = apart + jnp.maximum(between, 0) ** 2
-    filled = jnp.any(there, axis=1)
-    apart = jnp.where(filled[None, :] & filled[:, None], apart, jnp.inf)
-    # Sliced right away, XLA would sort in full instead.
-    nearness, near = lax.optimization_barrier(lax.top_k(-apart, min(visits + 1, count)))
-    beyond = -nearness[:, visits] if visits < count else jnp.full(count, jnp.inf, points.dtype)
-    place = jnp.zeros(n, jnp.int32).at[order].set(index)
-    return Blocks(order, place, position, there, near[:, :visits], beyond)
+    order = hilbert.order(points, valid)
+    count = _groups(n)
+    flat = jnp.pad(jnp.where(valid[None], points, jnp.inf), ((0, 0), (0, 1)), constant_values=jnp.inf).reshape(-1)
+    places = jnp.pad(order, (0, count * FAN - n), constant_values=n).reshape(count, 1, FAN)
+    leaves = _at(flat, places + (jnp.arange(d, dtype=jnp.int32) * (n + 1))[None, :, None])
+    near, beyond = _looked_at(leaves, visits)
+    found, pick = _closest(_between(leaves, _at(leaves, near)), k)
+    number = _parts(near)
+    row = jnp.arange(count, dtype=jnp.int32)[None, :, None] * number.shape[1]
+    index = _at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1)[:, :n]
+    squared = jnp.stack(found).reshape(k, -1)[:, :n]
+    return Neighbours(
+        order=order,
+        index=jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None]),
+        squared=squared,
+        exact=(found[-1] <= beyond[:, None]).reshape(-1)[:n],
+    )
 
 
-def candidates(blocks: Blocks) -> Float[Array, "d g c"]:
-    """The C = V * B points that each block looks at."""
-    d, count, _ = blocks.position.shape
-    return blocks.position[:, blocks.near].reshape(d, count, -1)
+def _groups(points: int) -> int:
+    """Groups of FAN points in a tree without gaps."""
+    size = FAN
+    while points > TOP * size:
+        size *= FAN
+    return -(-points // (size * FAN)) * size
 
 
-def distances(blocks: Blocks) -> Float[Array, "g b c"]:
-    """Squared distance from each point of each block to its candidates; inf to invalid ones."""
-    count = blocks.position.shape[1]
-    squared = jnp.zeros((), blocks.position.dtype)
-    for here, there in zip(blocks.position, candidates(blocks), strict=True):
-        squared = squared + (here[:, :, None] - there[:, None, :]) ** 2
-    # Kept apart from what follows, or each use would compute the distances anew.
-    return lax.optimization_barrier(jnp.where(blocks.valid[blocks.near].reshape(count, 1, -1), squared, jnp.inf))
+def _looked_at(leaves: Float[Array, "g d f"], visits: int) -> tuple[Int[Array, "g v"], Float[Array, " g"]]:
+    """The V groups nearest to each group, and the squared distance within which no other group has a point."""
+    # Boxes are kept as (low, -high), so that the box around boxes is their minimum, and a missing one is inf.
+    levels = [_boxes(jnp.concatenate([leaves, jnp.where(jnp.isfinite(leaves), -leaves, jnp.inf)], axis=1))]
+    while levels[-1].shape[0] * FAN > TOP:
+        levels.append(_boxes(levels[-1]))
+    top = levels[-1].shape[0]
+    near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (top, top))
+    beyond = jnp.full(top, jnp.inf, leaves.dtype)
+    for boxes in reversed(levels):
+        width = visits if boxes is levels[0] else max(visits, WIDE)
+        number = _parts(near)
+        if width >= number.shape[1]:
+            near, beyond = jnp.repeat(number, FAN, axis=0), jnp.repeat(beyond, FAN)
+            continue
+        apart = _apart(boxes, _at(boxes, near))
+        # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
+        own = number[:, None, :] == jnp.arange(number.shape[0] * FAN, dtype=jnp.int32).reshape(-1, FAN, 1)
+        apart = jnp.where(own, 0, jnp.maximum(apart, 2**20 * jnp.finfo(apart.dtype).tiny))
+        found, pick = _closest(apart, width + 1)
+        pick = jnp.stack(pick[:width], axis=-1)
+        near = jnp.take_along_axis(number[:, None, :], pick, axis=2, mode="clip").reshape(-1, width)
+        beyond = jnp.minimum(beyond[:, None], found[width]).reshape(-1)
+    return near, beyond
 
 
-def reach(squared: Float[Array, "g b c"], k: int, steps: int = 12) -> Float[Array, "g b"]:
-    """A squared distance [G, B] at which at least k candidates are as near, and for nearly all points exactly k.
-
-    With too few candidates it is inf. Counting candidates at distances between two bounds, which close in by false
-    position (on a surface the count grows with the squared distance), needs no sorting.
-    """
-    own = squared[..., : max(squared.shape[1], k)]  # of the point's own block: a bound close by
-    finite = jnp.isfinite(own)
-    close = jnp.max(jnp.where(finite, own, 0), axis=-1)
-    far = jnp.max(jnp.where(jnp.isfinite(squared), squared, 0), axis=-1)
-
-    def count(bound: Array) -> Array:
-        return jnp.sum(squared <= bound[..., None], axis=-1, dtype=jnp.int32).astype(squared.dtype)
-
-    def narrow(_: Array, bounds: tuple[Array, ...]) -> tuple[Array, ...]:
-        low, high, few, many = bounds
-        share = (k - 0.5 - few) / jnp.maximum(many - few, 1)
-        middle = low + (high - low) * jnp.clip(share, 0.05, 0.95)
-        found = count(middle)
-        enough = found >= k
-        return (
-            jnp.where(enough, low, middle),
-            jnp.where(enough, middle, high),
-            jnp.where(enough, few, found),
-            jnp.where(enough, found, many),
-        )
-
-    high = jnp.where(jnp.sum(finite, axis=-1) >= k, close, far)
-    first = jnp.zeros_like(high), high, jnp.ones_like(high), count(high)
-    _, high, _, _ = lax.fori_loop(0, steps, narrow, first)
-    return jnp.where(jnp.sum(jnp.isfinite(squared), axis=-1) >= k, high, jnp.inf)
+def _boxes(parts: Float[Array, "g b f"]) -> Float[Array, "p b f"]:
+    """The boxes around the parts of each group, as parts of the groups above."""
+    g, b, f = parts.shape
+    return jnp.min(jnp.swapaxes(parts.reshape(g // FAN, FAN, b, f), 1, 2), axis=-1)
 
 
-def nearest(
-    points: Float[Array, "d n"], valid: Bool[Array, " n"], k: int, block: int = 16, visits: int = 16
-) -> Neighbours:
-    """The k nearest valid points of each valid point, itself included.
+def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b f"]) -> Float[Array, "g f c"]:
+    """Squared distances between the parts of each group and the C = V * F parts of the groups it looks at."""
+    g, b, f = own.shape
+    d = b // 2
+    total = jnp.zeros((), own.dtype)
+    for i in range(d):
+        here, there = own[:, :, :, None, None], others[:, None]
+        gap = jnp.maximum(there[:, :, :, i] + here[:, d + i], here[:, i] + there[:, :, :, d + i])
+        total = total + jnp.maximum(gap, 0) ** 2
+    return total.reshape(g, f, -1)
 
-    Where `exact` is false (an uneven cloud, or too few visits), the neighbours are near ones but perhaps not the
-    nearest: more visits or larger blocks mend it. The choice is not differentiable.
-    """
-    n = points.shape[1]
-    blocks = arrange(points, valid, block, visits)
-    found, pick = lax.top_k(-distances(blocks), k)
-    squared = -found.reshape(-1, k)[:n]
-    place = jnp.take_along_axis(blocks.near[:, None, :], pick // block, axis=2) * block + pick % block
-    index = blocks.order[jnp.minimum(place.reshape(-1, k)[:n], n - 1)]
-    exact = squared[:, -1] <= jnp.repeat(blocks.beyond, block)[:n]
-    return jax.tree.map(lambda x: x[blocks.place], Neighbours(index, squared, exact))
+
+def _between(own: Float[Array, "g d f"], others: Float[Array, "g v d f"]) -> Float[Array, "g f c"]:
+    """Squared distances between the points of each group and the C = V * F points of the groups it looks at."""
+    g, d, f = own.shape
+    own = jnp.where(jnp.isfinite(own), own, 0)
+    gaps = [own[:, i, :, None, None] - others[:, None, :, i] for i in range(d)]
+    return sum((gap * gap for gap in gaps[1:]), gaps[0] * gaps[0]).reshape(g, f, -1)
+
+
+def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[Array]]:
+    """The k smallest distances, and which of the C they are; k arrays each."""
+    bits = max((squared.shape[-1] - 1).bit_length(), 1)
+    keys = smallest(tagged(squared, lax.broadcasted_iota(jnp.int32, squared.shape, 2), bits), k)
+    pairs = [untagged(key, bits) for key in keys]
+    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+
+
+def _parts(near: Int[Array, "g v"]) -> Int[Array, "g c"]:
+    """The numbers of the C = V * FAN parts of the groups looked at."""
+    return (near[:, :, None] * FAN + jnp.arange(FAN, dtype=jnp.int32)[None, None]).reshape(near.shape[0], -1)
+
+
+def _at(table: Shaped[Array, "n *s"], index: Int[Array, "*m"]) -> Array:
+    """Rows of a table, without the checks for places outside it."""
+    return table.at[index].get(mode="clip", wrap_negative_indices=False)

@@ -4,8 +4,10 @@ Batches of small matrices through `linalg` are slow on every device; written out
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
+from numpy.polynomial import chebyshev
 
 from urbanjax.numerics import safe
 
@@ -70,31 +72,56 @@ def congruence(r: Float[Array, "3 3"], s: Float[Array, "6 *n"]) -> Float[Array, 
 
 def eigenvalues(s: Float[Array, "6 *n"]) -> Float[Array, "3 *n"]:
     """The eigenvalues in ascending order, by Cardano's formula. Not differentiable where two are equal."""
+    mean, size, bend = _invariants(s)
+    low, high = _third(-bend)[None], _third(bend)[None]
+    return mean[None] + 2 * size[None] * (_column((-1, 1, 0), mean) * low + _column((0, -1, 1), mean) * high)
+
+
+def smallest_eigenvector(s: Float[Array, "6 *n"]) -> Float[Array, "3 *n"]:
+    """The unit eigenvector of the smallest eigenvalue, of either sign; the z axis where all directions are alike."""
+    mean, size, bend = _invariants(s)
+    low = mean - 2 * size * _third(-bend)
+    xx, xy, xz, yy, yz, zz = s - _column(IDENTITY, low) * low[None]
+    x, y, z = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    # All parallel to it: the columns of the adjugate. The longest one is the most exact.
+    a, b, c = _cross(y, z), _cross(z, x), _cross(x, y)
+    aa, bb, cc = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2] for v in (a, b, c))
+    best = jnp.maximum(aa, jnp.maximum(bb, cc))
+    vector = [jnp.where(aa == best, i, jnp.where(bb == best, j, k)) for i, j, k in zip(a, b, c, strict=True)]
+    known = best > 0
+    inverse_size = 1 / safe.sqrt(jnp.where(known, best, 1))
+    return jnp.stack([jnp.where(known, v * inverse_size, up) for v, up in zip(vector, (0, 0, 1), strict=True)])
+
+
+def _invariants(s: Array) -> tuple[Array, Array, Array]:
+    """What the eigenvalues are made of: their mean, spread p, and det((S - mean) / p) / 2 in [-1, 1]."""
     xx, xy, xz, yy, yz, zz = s
     mean = (xx + yy + zz) / 3
     a, b, c = xx - mean, yy - mean, zz - mean
     size = safe.sqrt((a * a + b * b + c * c + 2 * (xy * xy + xz * xz + yz * yz)) / 6)
     scaled = jnp.stack([a, xy, xz, b, yz, c]) * safe.divide(jnp.ones_like(size), size)[None]
-    angle = jnp.arccos(jnp.clip(determinant(scaled) / 2, -1, 1)) / 3
-    high = mean + 2 * size * jnp.cos(angle)
-    low = mean + 2 * size * jnp.cos(angle + 2 * jnp.pi / 3)
-    return jnp.stack([low, 3 * mean - low - high, high])
+    return mean, size, jnp.clip(determinant(scaled) / 2, -1, 1)
 
 
-def smallest_eigenvector(s: Float[Array, "6 *n"]) -> Float[Array, "3 *n"]:
-    """The unit eigenvector of the smallest eigenvalue, of either sign; the z axis where all directions are alike."""
-    low = eigenvalues(s)[0]
-    xx, xy, xz, yy, yz, zz = s[0] - low, s[1], s[2], s[3] - low, s[4], s[5] - low
-    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
-    crosses = jnp.stack([_cross(rows[i], rows[j]) for i, j in ((0, 1), (0, 2), (1, 2))])
-    sizes = jnp.sum(crosses * crosses, axis=1)
-    best = jnp.argmax(sizes, axis=0)
-    vector = jnp.where(best == 0, crosses[0], jnp.where(best == 1, crosses[1], crosses[2]))
-    size = safe.sqrt(jnp.sum(vector * vector, axis=0))
-    up = jnp.stack([jnp.zeros_like(low), jnp.zeros_like(low), jnp.ones_like(low)])
-    known = jnp.expand_dims(size > 0, 0)
-    return jnp.where(known, vector / jnp.where(known, size[None], 1), up)
+# cos(2/3 arccos t)^2 for t in [0, 1], as Chebyshev polynomials of 2 t - 1, to 3e-15.
+NODES = chebyshev.chebpts1(20)
+THIRD = chebyshev.chebfit(NODES, np.cos(2 / 3 * np.arccos((NODES + 1) / 2)) ** 2, 19)
 
 
-def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-    return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+def _third(cosine: Array) -> Array:
+    """cos(arccos(c) / 3), by a polynomial of cos(arccos(c) / 2): the inverse cosine is slow, and singular at 1."""
+    x = 2 * safe.sqrt((1 + cosine) / 2) - 1
+    now, before = jnp.zeros_like(x), jnp.zeros_like(x)
+    for term in THIRD[:0:-1]:
+        now, before = 2 * x * now - before + term, now
+    # The square is what is interpolated, since XLA computes a root once, and a sum anew for each use.
+    return jnp.sqrt(x * now - before + THIRD[0])
+
+
+def _column(entries: tuple[int, ...], like: Array) -> Array:
+    """Numbers along a first axis, to multiply a batch with. What XLA repeats along an axis, it computes once."""
+    return jnp.array(entries, like.dtype).reshape(len(entries), *(1,) * like.ndim)
+
+
+def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> tuple[Array, ...]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

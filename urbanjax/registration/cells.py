@@ -1,43 +1,91 @@
-"""Numbers for the cells of an unbounded grid, by hashing: points of one cell share a number, and no two cells do."""
+"""Which points share a cell of an unbounded grid, by hashing: exact, whatever collides."""
 
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 PRIMES = (73856093, 19349669, 83492791)  # Teschner et al. 2003
+BATCH = 8  # share of the points that is looked at again at once, after a collision
+STRIDE = 32
 
 
-def slots_for(points: int) -> int:
-    """Size of the table for so many points: a power of two, half as many again, so that a free slot is always near."""
-    return 1 << (points + points // 2).bit_length()
+def representatives(cell: Int[Array, "3 n"], valid: Bool[Array, " n"]) -> Int[Array, " n"]:
+    """For each point the index of one point of its cell, the same for all of them; N for invalid points.
 
-
-def number_cells(cell: Int[Array, "3 n"], valid: Bool[Array, " n"], slots: int) -> Int[Array, " n"]:
-    """A number in [0, slots) for the cell of each point, `slots` for invalid points. Exact, whatever collides.
-
-    Open addressing, all points at once: each claims the slot of its hash, the first point of those that claim a slot
-    gets it for its cell, and the points of other cells go on to the next slot. Args: slots, see
-    `slots_for`; with fewer than there are cells it would never end.
+    Open addressing, all points at once: each claims the slot of its hash, and the first point of those that claim a
+    slot gets it for its cell. The few points of other cells go on to the next slots, in batches of static size.
     """
     n = cell.shape[1]
+    slots = 1 << (n + n // 2).bit_length()  # half as many again, so that a free slot is always near
     index = jnp.arange(n, dtype=jnp.int32)
-    mixed = cell[0] * PRIMES[0] ^ cell[1] * PRIMES[1] ^ cell[2] * PRIMES[2]
+    mixed = jnp.sum(cell * jnp.array(PRIMES, jnp.int32)[:, None], axis=0, dtype=jnp.int32)
     start = (mixed ^ (mixed >> 15)) & (slots - 1)
+    owner = jnp.full(slots, n, jnp.int32).at[jnp.where(valid, start, slots)].min(index, mode="drop")
+    first = jnp.where(valid, owner[start], n)
+    waits = valid & ~_same(cell, first, cell)
+
+    def unplaced(carry: tuple) -> Array:
+        return jnp.any(carry[1])
+
+    def place(carry: tuple) -> tuple:
+        first, waits, owner = carry
+        which = chosen(waits, -(-n // BATCH))
+        there = jnp.minimum(which, n - 1)
+        found, owner = _probe(cell, cell[:, there], start[there], which, owner)
+        return first.at[which].set(found, mode="drop"), waits.at[which].set(False, mode="drop"), owner
+
+    return lax.while_loop(unplaced, place, (first, waits, owner))[0]
+
+
+def _probe(
+    cell: Int[Array, "3 n"], own: Int[Array, "3 m"], slot: Int[Array, " m"], which: Int[Array, " m"], owner: Array
+) -> tuple[Int[Array, " m"], Array]:
+    """Representatives of the points `which` [M] (N for none), by way of the slots after theirs."""
+    n, slots = cell.shape[1], owner.shape[0]
 
     def unplaced(carry: tuple) -> Array:
         return jnp.any(carry[2])
 
     def claim(carry: tuple) -> tuple:
-        slot, owner, waits = carry
-        # Slots with an owner hold index - n < 0, so that no later claim takes them.
-        owner = owner.at[slot].min(jnp.where(waits, index, n))
+        slot, found, waits, owner = carry
+        slot = jnp.where(waits, (slot + 1) & (slots - 1), slot)
+        free = waits & (owner[slot] == n)
+        owner = owner.at[jnp.where(free, slot, slots)].min(which, mode="drop")
         held = owner[slot]
-        first = jnp.where(held < 0, held + n, held)
-        same = jnp.all(cell == cell[:, first], axis=0)
-        waits = waits & ~same
-        owner = jnp.where((owner >= 0) & (owner < n), owner - n, owner)
-        return jnp.where(waits, (slot + 1) & (slots - 1), slot), owner, waits
+        same = waits & _same(cell, held, own)
+        return slot, jnp.where(same, held, found), waits & ~same, owner
 
-    empty = jnp.full(slots, n, jnp.int32)
-    slot, _, _ = lax.while_loop(unplaced, claim, (start, empty, valid))
-    return jnp.where(valid, slot, slots)
+    _, found, _, owner = lax.while_loop(unplaced, claim, (slot, which, which < n, owner))
+    return found, owner
+
+
+def chosen(mask: Bool[Array, " n"], capacity: int) -> Int[Array, " capacity"]:
+    """The indices of the first places where the mask is true; N for the rest of the capacity."""
+    n = mask.shape[0]
+    place = jnp.where(mask, before(mask), capacity)
+    return jnp.full(capacity, n, jnp.int32).at[place].set(jnp.arange(n, dtype=jnp.int32), mode="drop")
+
+
+def before(mask: Bool[Array, " n"]) -> Int[Array, " n"]:
+    """How many places before each one are true, for up to 2^24 places."""
+    return _sums_before(mask.astype(jnp.float32)).astype(jnp.int32)
+
+
+def _sums_before(values: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Exclusive cumulative sums, by matrix products: XLA's own take six times as long on a CPU."""
+    n = values.shape[0]
+    rows = jnp.pad(values, (0, -n % STRIDE)).reshape(-1, STRIDE)
+    earlier = jnp.triu(jnp.ones((STRIDE, STRIDE), values.dtype), 1)
+    if n > STRIDE:
+        rows = jnp.concatenate([rows, _sums_before(jnp.sum(rows, axis=1))[:, None]], axis=1)
+        earlier = jnp.concatenate([earlier, jnp.ones((1, STRIDE), values.dtype)])
+    return jnp.matmul(rows, earlier, precision=lax.Precision.HIGHEST).reshape(-1)[:n]
+
+
+def _same(cell: Int[Array, "3 n"], which: Int[Array, " m"], own: Int[Array, "3 m"]) -> Bool[Array, " m"]:
+    """Whether the cells of some points are the given ones; false for the point N, which there is not."""
+    x, y, z = (
+        row.at[which].get(mode="clip", wrap_negative_indices=False) == other
+        for row, other in zip(cell, own, strict=True)
+    )
+    return (which < cell.shape[1]) & x & y & z

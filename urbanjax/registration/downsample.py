@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.registration.cells import number_cells, slots_for
+from urbanjax.registration.cells import before, chosen, representatives
 from urbanjax.registration.points import PointCloud, cloud
 from urbanjax.types import pytree, static
 
@@ -24,21 +24,19 @@ def downsample(
 
     Voxels begin at multiples of the resolution. Points that are not finite do not count.
     """
-    dtype = position.dtype
+    dtype, capacity = position.dtype, params.capacity
     valid = valid & jnp.all(jnp.isfinite(position), axis=1)
-    position = jnp.where(valid[:, None], position, 0)
-    cell = jnp.floor(position / params.resolution)
-    slots = slots_for(position.shape[0])
-    slot = number_cells(cell.astype(jnp.int32).T, valid, slots)
+    position = jnp.where(valid[None], position.T, 0)
+    cell = jnp.floor(position / params.resolution).astype(jnp.int32)
+    first = representatives(cell, valid)
+    leads = first == jnp.arange(len(valid), dtype=jnp.int32)
+    number = jnp.where(valid, before(leads)[jnp.minimum(first, len(valid) - 1)], capacity)
     # Summed from the voxel's corner: sums of large coordinates would lose digits.
-    corner = cell * params.resolution
-    rows = jnp.concatenate([position - corner, jnp.ones((len(slot), 1), dtype)], axis=1)
-    sums = jnp.zeros((slots + 1, 4), dtype).at[slot].add(rows)[:-1]
-    corners = jnp.zeros((slots + 1, 3), dtype).at[slot].set(corner)[:-1]
-    occupied = sums[:, 3] > 0
-    place = jnp.cumsum(occupied) - 1
-    place = jnp.where(occupied & (place < params.capacity), place, params.capacity)
-    means = corners + sums[:, :3] / jnp.maximum(sums[:, 3:], 1)
-    kept = jnp.zeros((params.capacity + 1, 3), dtype).at[place].set(means)[:-1]
-    total = jnp.sum(occupied)
-    return cloud(kept, valid=jnp.arange(params.capacity) < total), jnp.maximum(total - params.capacity, 0)
+    beside = position - cell.astype(dtype) * params.resolution
+    rows = jnp.concatenate([beside, jnp.ones((1, len(valid)), dtype)]).T
+    sums = jnp.zeros((capacity, 4), dtype).at[number].add(rows, mode="drop")
+    corner = cell.T[chosen(leads, capacity)].astype(dtype) * params.resolution
+    total = jnp.sum(leads)
+    there = jnp.arange(capacity) < total
+    means = jnp.where(there[:, None], corner + sums[:, :3] / jnp.maximum(sums[:, 3:], 1), 0)
+    return cloud(means, valid=there), jnp.maximum(total - capacity, 0)

@@ -1,5 +1,9 @@
 """The shape of the surface around each point: normals and plane-regularised covariances."""
 
+import functools
+import itertools
+import operator
+
 import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Float
@@ -16,8 +20,7 @@ class FeatureParams:
     thickness: float = 1e-3  # variance across the surface, as a share of that along it
     neighbours: int = static(default=10)  # points that make a surface, the point itself included
     least: int = static(default=5)  # below which there is no surface
-    block: int = static(default=16)  # see numerics.nearest
-    visits: int = static(default=16)
+    visits: int = static(default=24)  # see numerics.nearest
 
 
 def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[PointCloud, Array]:
@@ -28,33 +31,30 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
     certainly the nearest ones.
     """
     params = FeatureParams() if params is None else params
-    blocks = nearest.arrange(points.position, points.valid, params.block, params.visits)
-    squared = nearest.distances(blocks)
-    n = points.valid.shape[0]
-    enough = jnp.sum(points.valid) >= params.neighbours
-    bound = nearest.reach(squared, params.neighbours)
-    inside = (squared <= jnp.minimum(bound, jnp.finfo(squared.dtype).max)[..., None]).astype(squared.dtype)
-    covariance, count = _spread(blocks, inside)
+    near = nearest.nearest(*lax.stop_gradient((points.position, points.valid)), params.neighbours, params.visits)
+    position, valid = points.position.T[near.order].T, points.valid[near.order]
+    covariance, count = _spread(position, near)
     normal = symmetric.smallest_eigenvector(covariance)
-    position = blocks.position.reshape(3, -1)
     towards = jnp.where(symmetric.inner(normal, position) > 0, -1, 1)
-    surface = blocks.valid.reshape(-1) & (count >= params.least)
+    surface = valid & (count >= params.least)
     normal = jnp.where(surface[None], normal * towards[None], 0)
     ball = jnp.array(symmetric.IDENTITY, position.dtype)[:, None]
     flat = ball - (1 - params.thickness) * symmetric.outer(normal)
-    valid = blocks.valid.reshape(-1)[:n]
-    exact = (bound <= blocks.beyond[:, None]).reshape(-1)[:n] & enough
-    share = jnp.sum(exact & valid) / jnp.maximum(jnp.sum(valid), 1)
-    return PointCloud(position[:, :n], flat[:, :n], normal[:, :n], valid), share
+    share = jnp.sum(near.exact & valid) / jnp.maximum(jnp.sum(valid), 1)
+    return PointCloud(position, flat, normal, valid), share
 
 
-def _spread(blocks: nearest.Blocks, inside: Float[Array, "g b c"]) -> tuple[Float[Array, "6 n"], Float[Array, " n"]]:
-    """Covariance of the candidates inside each point's neighbourhood, and their number."""
-    # Relative to the block: sums of squares of large coordinates would lose the thickness of a wall.
-    beside = nearest.candidates(blocks) - blocks.position[:, :, :1]
-    moments = jnp.concatenate([jnp.ones_like(beside[:1]), beside, symmetric.outer(beside)])
-    sums = lax.dot_general(inside, moments, (((2,), (2,)), ((0,), (1,))), precision=lax.Precision.HIGHEST)  # [G, B, 10]
-    sums = jnp.moveaxis(sums, -1, 0).reshape(10, -1)
-    number = sums[0]
-    mean = sums[1:4] / jnp.maximum(number, 1)[None]
-    return sums[4:] / jnp.maximum(number, 1)[None] - symmetric.outer(mean), number
+def _spread(position: Float[Array, "3 n"], near: nearest.Neighbours) -> tuple[Float[Array, "6 n"], Float[Array, " n"]]:
+    """Covariance of the neighbours of each point, and their number."""
+    count = jnp.sum(jnp.isfinite(near.squared), axis=0, dtype=position.dtype)
+    share = 1 / jnp.maximum(count, 1)
+    # Relative to the point: sums of squares of large coordinates would lose the thickness of a wall.
+    beside = [x[near.index] - x[None] for x in position]
+    mean = jnp.stack([_total(x) for x in beside]) * share[None]
+    second = jnp.stack([_total(x * y) for x, y in itertools.combinations_with_replacement(beside, 2)])
+    return second * share[None] - symmetric.outer(mean), count
+
+
+def _total(rows: Float[Array, "k n"]) -> Float[Array, " n"]:
+    """The sum of a few rows, which XLA then fuses with what they are made of."""
+    return functools.reduce(operator.add, rows)
