@@ -40,7 +40,7 @@ def load(path: str | os.PathLike[str]) -> PointMap:
         raise FileError(f"{path}: 'header' has no number of points")
     if not isinstance(origin, list) or len(origin) != 3 or not all(archive.is_finite(x) for x in origin):
         raise FileError(f"{path}: 'header' has no origin of three finite numbers")
-    if not archive.is_finite(resolution) or not 1e-3 <= resolution <= 1e2:
+    if not isinstance(resolution, int | float) or not 1e-3 <= resolution <= 1e2:
         raise FileError(f"{path}: 'header' has no resolution between 1 mm and 100 m")
     archive.expect(path, "position", arrays["position"], "f", (n, 3))
     archive.expect(path, "covariance", arrays["covariance"], "f", (n, 6))

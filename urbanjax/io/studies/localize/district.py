@@ -107,7 +107,7 @@ def _mapping_scans(
     place = np.asarray(drive.ego.position, float), np.asarray(drive.ego.heading, float)
     for k in every:
         x, y = place[0][k] + params.mapping.position_noise * rng.normal(size=2)
-        heading = place[1][k] + params.mapping.heading_noise * rng.normal()
+        heading = float(place[1][k] + params.mapping.heading_noise * rng.normal())
         yield look(jnp.asarray(k), sensor, prepare), mapping.matrix(x, y, heading)
 
 

@@ -48,7 +48,7 @@ class Track:
     """T scans, in order."""
 
     index: np.ndarray  # [T] of the step of the tour
-    rows: Row  # fields [T, ..]
+    rows: Any  # a Row of numpy arrays [T, ..]
     milliseconds: np.ndarray  # [T] of the localizer's step, the first one with its compilation
     relocalized: np.ndarray  # [T] bool, the pose was found anew after this scan
     relocalize_ms: np.ndarray  # [..] of each such search
