@@ -103,6 +103,7 @@ def test_the_scale_of_a_covariance_is_found_again():
     assert found.coverage() == pytest.approx(0.95, abs=0.02)
     assert found.coverage(0.5) == pytest.approx(0.5, abs=0.04)
     assert found.coverage(scale=1.0) < 0.5
+    np.testing.assert_allclose(found.factors, np.sqrt(7.0), rtol=0.05)
     assert calibration.summary(found)["calibration_not_converged"] == 500
     assert len(calibration.table(found)["set"]) == 5000
 

@@ -25,7 +25,7 @@ class CalibrationParams:
     start_position: float = 0.1  # m, standard deviation of the start
     start_heading: float = 0.01  # rad, likewise
     level: float = 0.95  # share of the errors that s^2 is to cover
-    fit: int = static(default=300, metadata={"range": (10, 1_000_000)})
+    fit: int = static(default=1000, metadata={"range": (10, 1_000_000)})
     test: int = static(default=500, metadata={"range": (10, 1_000_000)})
 
 
@@ -52,6 +52,12 @@ class Calibration:
     level: float
     fit: Errors
     test: Errors
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Root mean squares [3] of longitudinal, lateral and heading test errors over their stated deviations."""
+        variance = np.diagonal(self.test.covariance, axis1=1, axis2=2)
+        return np.sqrt((self.test.twist**2 / variance)[self.test.converged].mean(0))
 
     def coverage(self, level: float | None = None, scale: float | None = None) -> float:
         """Share of the test errors inside the ellipsoid of `level`, with the fitted or another scale."""
@@ -113,6 +119,10 @@ def summary(found: Calibration) -> dict[str, float]:
         "coverage_unscaled_share": found.coverage(scale=1.0),
         "coverage_at_50_percent_share": found.coverage(0.5),
         "coverage_at_99_percent_share": found.coverage(0.99),
+        **{
+            f"error_over_sandwich_{n}": x
+            for n, x in zip(("longitudinal", "lateral", "heading"), found.factors, strict=True)
+        },
         "calibration_errors": len(found.test.nees),
         "calibration_not_converged": int((~found.test.converged).sum() + (~found.fit.converged).sum()),
         "calibration_longitudinal_std_m": float(found.test.twist[:, 0].std()),

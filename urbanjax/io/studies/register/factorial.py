@@ -22,6 +22,9 @@ class FactorialParams:
     speed: float = 60 / 3.6  # m/s; a start is the last pose at a speed drawn evenly between 0 and this
     yaw_rate: float = 0.2  # rad/s, standard deviation, likewise of the turn since the last pose
     position_noise: float = 0.05  # m, standard deviation of the last pose's own error
+    success: float = (
+        0.2  # m, planar error of a right pose: stricter than that of a lost one, since slow starts are near
+    )
     channels: tuple[int, ...] = static(default=(64, 96, 128))
     sensing: tuple[float, ...] = static(default=(70.0, 100.0))  # m
     window: tuple[float, ...] = static(default=(70.0, 100.0))  # m

@@ -171,12 +171,14 @@ def draw_thresholds(grid: Grid, limit: float, path: Path) -> None:
             for who, colour, name in ((~wrong, GOOD, "right"), (wrong, BAD, "wrong")):
                 axis.hist(np.minimum(error[who], 0.999), bins, color=colour, alpha=0.6, label=f"{name}: {who.sum()}")
             for value in THRESHOLDS:
-                axis.axvline(value, color="black", lw=0.9, ls="--")
-            axis.axvline(FLAT * voxels[v], color=OTHER, lw=0.9, ls=":")
+                axis.axvline(
+                    value, color="black", lw=0.9, ls="--", label="the paper's" if value == THRESHOLDS[0] else None
+                )
+            axis.axvline(FLAT * voxels[v], color=OTHER, lw=0.9, ls=":", label="even square")
             axis.set(title=f"{methods[m]}, voxels of {voxels[v]:g} m", ylabel="registrations")
             axis.legend()
         for axis in axes[-1]:
-            axis.set_xlabel("matching error [m]; dashed: the paper's thresholds; dotted: an evenly covered square")
+            axis.set_xlabel("matching error [m]")
 
 
 FLAT = 0.3826  # mean distance from the middle of a square of edge 1 of points spread evenly over it

@@ -63,9 +63,9 @@ PAPER = (
 class RowsParams:
     """How long the rows are driven."""
 
-    begin: float = 3.0  # s, of the drive, at which the pose is known
+    begin: float = 0.0  # s, of the drive, at which the pose is known: at walking pace
     give_up: float = 5.0  # m, an error from which there is no way back
-    scans: int = static(default=270, metadata={"range": (2, 100_000)})
+    scans: int = static(default=300, metadata={"range": (2, 100_000)})
 
 
 @dataclasses.dataclass(frozen=True)
