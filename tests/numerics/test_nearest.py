@@ -59,3 +59,14 @@ def test_fewer_points_than_asked_for():
 def test_many_copies_of_one_point_are_apart_by_nothing():
     found = search(jnp.ones((3, 300)), jnp.ones(300, bool), 4, 8)
     assert float(found.squared.max()) < 1e-12
+
+
+def test_a_batch_of_clouds_equals_the_clouds_one_by_one():
+    points = np.random.default_rng(0).normal(size=(2, 3, 300)).astype(np.float32)
+    valid = np.arange(300) < np.array([[300], [20]])
+    together = jax.jit(jax.vmap(lambda p, v: nearest.nearest(p, v, 4, 8)))(points, valid)
+    for i in range(2):
+        alone = search(points[i], valid[i], 4, 8)
+        held = valid[i].sum()
+        np.testing.assert_array_equal(together.index[i][:, :held], alone.index[:, :held])
+        np.testing.assert_array_equal(together.exact[i][:held], alone.exact[:held])

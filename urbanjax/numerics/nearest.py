@@ -16,6 +16,7 @@ from urbanjax.types import pytree
 
 FAN = 4  # parts of a group
 WIDE = 31  # groups that those above the smallest look at, or more: what they miss, none below them can find
+SHARE = 64  # groups of sixteen points that are searched for at once: what they need fits a cache
 TOP = 256  # groups up to which all look at all
 
 
@@ -41,18 +42,32 @@ def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], k: int, visit
     flat = jnp.pad(jnp.where(valid[None], points, jnp.inf), ((0, 0), (0, 1)), constant_values=jnp.inf).reshape(-1)
     places = jnp.pad(order, (0, count * FAN - n), constant_values=n).reshape(count, 1, FAN)
     leaves = _at(flat, places + (jnp.arange(d, dtype=jnp.int32) * (n + 1))[None, :, None])
-    near, beyond = _looked_at(leaves, visits)
-    found, pick = _closest(_between(leaves, _at(leaves, near)), k)
-    number = _parts(near)
-    row = jnp.arange(count, dtype=jnp.int32)[None, :, None] * number.shape[1]
-    index = _at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1)[:, :n]
-    squared = jnp.stack(found).reshape(k, -1)[:, :n]
-    return Neighbours(
-        order=order,
-        index=jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None]),
-        squared=squared,
-        exact=(found[-1] <= beyond[:, None]).reshape(-1)[:n],
+    boxes, near, beyond = _parents(leaves, visits)
+    parents = near.shape[0]
+    share = min(SHARE, parents)
+
+    def search(step: Array, found: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+        at = jnp.minimum(step * share, parents - share)
+        own, looks, limit = (lax.dynamic_slice_in_dim(x, at, share) for x in (boxes, near, beyond))
+        groups, limit = _narrowed(own, at, boxes, looks, limit, visits)
+        points = lax.dynamic_slice_in_dim(leaves, at * FAN, share * FAN)
+        index, squared = _nearest_of(points, leaves, groups, k)
+        place, exact = at * FAN**2, (squared[-1].reshape(-1, FAN) <= limit[:, None]).reshape(-1)
+        return tuple(
+            lax.dynamic_update_slice_in_dim(all_, some, place, axis=-1)
+            for all_, some in zip(found, (index, squared, exact), strict=True)
+        )
+
+    # Invalid points are the last ones: what is spent on capacity stops with the valid ones.
+    steps = -(-jnp.sum(valid, dtype=jnp.int32) // (share * FAN**2))
+    nothing = (
+        jnp.zeros((k, count * FAN), jnp.int32),
+        jnp.full((k, count * FAN), jnp.inf, points.dtype),
+        jnp.zeros(count * FAN, bool),
     )
+    index, squared, exact = (x[..., :n] for x in lax.fori_loop(0, steps, search, nothing))
+    index = jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None])
+    return Neighbours(order=order, index=index, squared=squared, exact=exact)
 
 
 def _groups(points: int) -> int:
@@ -63,8 +78,8 @@ def _groups(points: int) -> int:
     return -(-points // (size * FAN)) * size
 
 
-def _looked_at(leaves: Float[Array, "g d f"], visits: int) -> tuple[Int[Array, "g v"], Float[Array, " g"]]:
-    """The V groups nearest to each group, and the squared distance within which no other group has a point."""
+def _parents(leaves: Float[Array, "g d f"], visits: int) -> tuple[Array, Int[Array, "p v"], Float[Array, " p"]]:
+    """The boxes of the groups of points by their parents, the groups that each parent looks at, and how far it sees."""
     # Boxes are kept as (low, -high), so that the box around boxes is their minimum, and a missing one is inf.
     levels = [_boxes(jnp.concatenate([leaves, jnp.where(jnp.isfinite(leaves), -leaves, jnp.inf)], axis=1))]
     while levels[-1].shape[0] * FAN > TOP:
@@ -72,21 +87,44 @@ def _looked_at(leaves: Float[Array, "g d f"], visits: int) -> tuple[Int[Array, "
     top = levels[-1].shape[0]
     near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (top, top))
     beyond = jnp.full(top, jnp.inf, leaves.dtype)
-    for boxes in reversed(levels):
-        width = visits if boxes is levels[0] else max(visits, WIDE)
-        number = _parts(near)
-        if width >= number.shape[1]:
-            near, beyond = jnp.repeat(number, FAN, axis=0), jnp.repeat(beyond, FAN)
-            continue
-        apart = _apart(boxes, _at(boxes, near))
-        # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
-        own = number[:, None, :] == jnp.arange(number.shape[0] * FAN, dtype=jnp.int32).reshape(-1, FAN, 1)
-        apart = jnp.where(own, 0, jnp.maximum(apart, 2**20 * jnp.finfo(apart.dtype).tiny))
-        found, pick = _closest(apart, width + 1)
-        pick = jnp.stack(pick[:width], axis=-1)
-        near = jnp.take_along_axis(number[:, None, :], pick, axis=2, mode="clip").reshape(-1, width)
-        beyond = jnp.minimum(beyond[:, None], found[width]).reshape(-1)
-    return near, beyond
+    for boxes in levels[:0:-1]:
+        near, beyond = _narrowed(boxes, 0, boxes, near, beyond, max(visits, WIDE))
+    return levels[0], near, beyond
+
+
+def _narrowed(
+    own: Float[Array, "p b f"],
+    first: int | Array,
+    boxes: Float[Array, "q b f"],
+    near: Int[Array, "p v"],
+    beyond: Float[Array, " p"],
+    width: int,
+) -> tuple[Int[Array, "g w"], Float[Array, " g"]]:
+    """The W groups nearest to each part of some parents, of those that are parts of what the parent looks at.
+
+    Returns also the squared distance within which no other group has a point. Args: first, number of the first parent.
+    """
+    number = _parts(near)
+    if width >= number.shape[1]:
+        return jnp.repeat(number, FAN, axis=0), jnp.repeat(beyond, FAN)
+    apart = _apart(own, _at(boxes, near))
+    # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
+    me = first * FAN + jnp.arange(own.shape[0] * FAN, dtype=jnp.int32).reshape(-1, FAN, 1)
+    apart = jnp.where(number[:, None, :] == me, 0, jnp.maximum(apart, 2**20 * jnp.finfo(apart.dtype).tiny))
+    found, pick = _closest(apart, width + 1)
+    pick = jnp.stack(pick[:width], axis=-1)
+    chosen = jnp.take_along_axis(number[:, None, :], pick, axis=2, mode="clip").reshape(-1, width)
+    return chosen, jnp.minimum(beyond[:, None], found[width]).reshape(-1)
+
+
+def _nearest_of(
+    own: Float[Array, "g d f"], leaves: Float[Array, "h d f"], near: Int[Array, "g v"], k: int
+) -> tuple[Int[Array, "k n"], Float[Array, "k n"]]:
+    """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at."""
+    found, pick = _closest(_between(own, _at(leaves, near)), k)
+    number = _parts(near)
+    row = jnp.arange(number.shape[0], dtype=jnp.int32)[None, :, None] * number.shape[1]
+    return _at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1), jnp.stack(found).reshape(k, -1)
 
 
 def _boxes(parts: Float[Array, "g b f"]) -> Float[Array, "p b f"]:
