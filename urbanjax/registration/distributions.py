@@ -1,14 +1,14 @@
 """Maps of distributions: one mean and covariance per voxel of a dense window (Eq. 3-5)."""
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 from urbanjax.numerics import symmetric
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
 
-METHODS = ("vgicp", "ndt")
+METHODS = ("vgicp", "ndt", "gicp")
 
 
 @pytree
@@ -20,16 +20,22 @@ class MapParams:
     floor: float = 0.01  # share of the largest eigenvalue that the others have at least (ndt only)
     method: str = static(default="vgicp", metadata={"choices": METHODS})
     shape: tuple[int, int, int] = static(default=(256, 256, 32))  # voxels of the window along x, y and z
+    per_voxel: int = static(default=16)  # points that a voxel holds (gicp only)
 
 
 @pytree
 class DistributionMap:
-    """A dense window of X * Y * Z voxels; each holds the number of its distribution, one of V."""
+    """A dense window of X * Y * Z voxels; each holds the number of its distribution, one of V.
+
+    With `gicp` each point is a distribution of its own, and the number is that of the voxel's list of points.
+    """
 
     origin: Array  # [3] m, corner of the window in the map frame, a multiple of the resolution
     resolution: Array  # [] m
     table: Array  # [X * Y * Z] int32, number of the voxel's distribution; V where there is none
     rows: Array  # [V + 1, 10] mean (3) in m from the origin, covariance (6), number of points; the last is nothing
+    lists: Array | None = None  # [V + 1, S] int32, rows of a voxel's points; V where there are no more (gicp only)
+    left_out: Array | None = None  # [] points of the window for which their voxel had no place (gicp only)
     shape: tuple[int, int, int] = static(default=(1, 1, 1))
     method: str = static(default="vgicp")
 
@@ -38,7 +44,8 @@ def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | Non
     """The map of a cloud in the map frame; points outside the window are left out.
 
     `vgicp`: mean of the points and mean of their covariances; `ndt`: mean and scatter of the points, with its small
-    eigenvalues raised. Args: centre [3] m, of the window (default: the mean of the points).
+    eigenvalues raised; `gicp`: each point with its own covariance. Args: centre [3] m, of the window (default: the mean
+    of the points).
     """
     dtype = points.position.dtype
     if centre is None:
@@ -56,6 +63,39 @@ def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | Non
     cells = params.shape[0] * params.shape[1] * params.shape[2]
     table = jnp.full(cells, n, jnp.int32).at[place].min(jnp.where(kept, jnp.arange(n, dtype=jnp.int32), n))
     slot = jnp.where(kept, table[place], n)
+    if params.method == "gicp":
+        rows = jnp.concatenate([away, points.covariance, jnp.ones((1, n), dtype)])
+        rows = jnp.pad(jnp.where(kept[None], rows, 0).T, ((0, 1), (0, 0)))
+        lists, left_out = _listed(slot, kept, params.per_voxel)
+        return DistributionMap(origin, size, table, rows, lists, left_out, shape=params.shape, method=params.method)
+    rows = _gathered(points, away, cell, slot, params, size)
+    return DistributionMap(origin, size, table, rows, shape=params.shape, method=params.method)
+
+
+def _listed(slot: Int[Array, " n"], kept: Bool[Array, " n"], places: int) -> tuple[Int[Array, "m s"], Int[Array, ""]]:
+    """The points of each slot, and how many found no place: in each round the first one that is left gets the next."""
+    n = slot.shape[0]
+    index = jnp.arange(n, dtype=jnp.int32)
+
+    def step(waits: Array, _: None) -> tuple[Array, Array]:
+        first = jnp.full(n + 1, n, jnp.int32).at[slot].min(jnp.where(waits, index, n))
+        return waits & (first[slot] != index), first
+
+    waits, lists = lax.scan(step, kept, None, length=places)
+    return lists.T, jnp.sum(waits, dtype=jnp.int32)
+
+
+def _gathered(
+    points: PointCloud,
+    away: Float[Array, "3 n"],
+    cell: Int[Array, "3 n"],
+    slot: Int[Array, " n"],
+    params: MapParams,
+    size: Float[Array, ""],
+) -> Float[Array, "m 10"]:
+    """The distributions of the voxels, by slot; `n` is the slot of the points that are left out."""
+    n, dtype = away.shape[1], away.dtype
+    kept = slot < n
     middle = (cell.astype(dtype) + 0.5) * size
     beside = away - middle
     spread = points.covariance if params.method == "vgicp" else symmetric.outer(beside)
@@ -71,14 +111,8 @@ def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | Non
         count = jnp.where(count >= params.min_points, count, 0)
     # All points of a voxel share its middle; scattering any of them gives it to the distribution.
     middles = jnp.zeros((n + 1, 3), dtype).at[slot].set(jnp.where(kept[:, None], middle.T, 0))
-    return DistributionMap(
-        origin=origin,
-        resolution=size,
-        table=table,
-        rows=jnp.concatenate([jnp.where(count[:, None] > 0, means[:, :3] + middles, 0), covariance, count[:, None]], 1),
-        shape=params.shape,
-        method=params.method,
-    )
+    mean = jnp.where(count[:, None] > 0, means[:, :3] + middles, 0)
+    return jnp.concatenate([mean, covariance, count[:, None]], 1)
 
 
 def cell_of(away: Float[Array, "3 *n"], resolution: Float[Array, ""]) -> Int[Array, "3 *n"]:

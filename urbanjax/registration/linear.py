@@ -96,7 +96,7 @@ def linearise(pose: Rigid, source: PointCloud, pairs: Pairs, target: Distributio
     """
     residual = pose.back(pairs.mean - pose.move(source.position))
     sigma = symmetric.congruence(pose.turn.T, pairs.covariance)
-    if target.method == "vgicp":
+    if target.method != "ndt":
         sigma = sigma + source.covariance
     information = symmetric.inverse(sigma)
     pulled = symmetric.product(information, residual)

@@ -40,8 +40,10 @@ def voxelise(
     """The map of points [N, 3] (m) with covariances [N, 6] that stand for `count` [N] points each; on the host.
 
     `vgicp`: mean of the points and of their covariances. `ndt`: mean and scatter of the points, its small eigenvalues
-    raised. Raises CloudError if there are no points or some that are not finite.
+    raised. Raises CloudError if there are no points, some that are not finite, or for `gicp`, which has no voxels.
     """
+    if params.method == "gicp":
+        raise CloudError("a district is mapped by voxels: choose the method vgicp or ndt, not gicp")
     if not len(position) or not np.isfinite(position).all() or not np.isfinite(covariance).all():
         raise CloudError("a map needs points, and finite ones: check the scans that it is made of")
     size = float(params.resolution)
