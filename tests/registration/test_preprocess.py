@@ -90,6 +90,23 @@ def test_normals_are_those_of_the_ten_nearest_points():
     np.testing.assert_allclose(np.linalg.eigvalsh(full), [1e-3, 1, 1], atol=1e-5)
 
 
+def test_a_pole_is_an_edge_and_a_line_on_the_ground_is_none():
+    """A pole beside a patch of ground, and a ring of returns far off: only the pole is thin across two directions."""
+    rng = np.random.default_rng(0)
+    pole = np.stack([0.02 * rng.normal(size=100), 0.02 * rng.normal(size=100), np.linspace(0.5, 6, 100)], 1)
+    ring = np.stack([40 + 0 * rng.normal(size=100), np.linspace(-9, 9, 100), 0.01 * rng.normal(size=100)], 1)
+    points = np.concatenate([pole, ring])
+    params = as_arrays(FeatureParams(edges=True))
+    cloud, _ = jax.jit(features)(registration.cloud(jnp.asarray(points, jnp.float32)), params)
+    full = np.asarray(cloud.covariance)[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(-1, 3, 3)
+    values, vectors = np.linalg.eigh(full)
+    upright = np.asarray(cloud.position)[0] < 1
+    np.testing.assert_allclose(values[upright].mean(0), [1e-3, 1e-3, 1.0], atol=0.02)
+    assert np.abs(vectors[upright, 2, 2]).mean() > 0.95
+    np.testing.assert_allclose(values[~upright], np.tile([1e-3, 1.0, 1.0], (100, 1)), atol=1e-4)
+    assert not np.asarray(cloud.normal)[:, upright].any(0).mean() > 0.1
+
+
 def test_too_few_points_have_no_surface():
     cloud, _ = jax.jit(features)(registration.cloud(jnp.asarray(courtyard(1000, 0)), valid=jnp.arange(1000) < 4), None)
     assert not np.asarray(cloud.normal).any()

@@ -15,6 +15,7 @@ from urbanjax.numerics import safe
 from urbanjax.registration import Alignment, AlignParams, PointCloud, PreprocessParams, align, align_starts, preprocess
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.downsample import DownsampleParams
+from urbanjax.registration.features import FeatureParams
 from urbanjax.registration.linear import FactorParams
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.graph import RoadGraph
@@ -34,7 +35,9 @@ class LidarLocalizerParams:
 
     # T_body_lidar: x, y, z (m) from the centre of the rear axle, here 0.33 m above the ground, and yaw (rad).
     mount: tuple[float, float, float, float] = (1.2, 0.0, 1.57, 0.0)
-    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.8, capacity=8192))
+    preprocess: PreprocessParams = PreprocessParams(
+        downsample=DownsampleParams(resolution=0.8, capacity=8192), features=FeatureParams(edges=True)
+    )
     sensing_radius: float = 100.0  # m in the plane, beyond which points of a scan are too sparse to help (Table I)
     sliding: SlidingParams = SlidingParams()
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)

@@ -1,4 +1,8 @@
-"""LiDAR odometry: each scan against a local map of the last keyframes (the x^L of Eq. 9)."""
+"""LiDAR odometry: edges and planes of each scan against a local map of the last keyframes (the x^L of Eq. 9).
+
+Which is which the covariances of the clouds say (`registration.features`): thin across a plane, or across a line. A
+point that is neither is a ball, and weighs a thousandth.
+"""
 
 import jax
 import jax.numpy as jnp

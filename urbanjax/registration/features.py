@@ -12,23 +12,28 @@ from urbanjax.numerics import nearest, symmetric
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
 
+UPRIGHT = 0.8  # least vertical component of the direction of an edge
+
 
 @pytree
 class FeatureParams:
     """Neighbourhoods and how flat a surface is taken to be."""
 
     thickness: float = 1e-3  # variance across the surface, as a share of that along it
+    linearity: float = 0.8  # share of the largest variance by which it exceeds the next, from which on it is an edge
     neighbours: int = static(default=10)  # points that make a surface, the point itself included
     least: int = static(default=5)  # below which there is no surface
     visits: int = static(default=24)  # see numerics.nearest
+    edges: bool = static(default=False)  # poles and corners are taken for lines instead of planes
 
 
 def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[PointCloud, Array]:
     """The cloud with normals towards its origin and covariances I - (1 - thickness) n n', and how far to rely on them.
 
-    Points without enough neighbours get no normal and the identity, as in small_gicp. The points come out sorted along
-    a space-filling curve, which makes later look-ups faster. Returns also the share of points whose neighbours are
-    certainly the nearest ones.
+    With `edges`, where neighbours lie along an upright line t, it is thickness I + (1 - thickness) t t' instead,
+    without a normal. Points without enough neighbours get no normal and the identity, as in small_gicp. The points come
+    out sorted along a space-filling curve, which makes later look-ups faster. Returns also the share of points whose
+    neighbours are certainly the nearest ones.
     """
     params = FeatureParams() if params is None else params
     near = nearest.nearest(*lax.stop_gradient((points.position, points.valid)), params.neighbours, params.visits)
@@ -40,8 +45,25 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
     normal = jnp.where(surface[None], normal * towards[None], 0)
     ball = jnp.array(symmetric.IDENTITY, position.dtype)[:, None]
     flat = ball - (1 - params.thickness) * symmetric.outer(normal)
+    if params.edges:
+        flat, normal = _with_edges(covariance, surface, flat, normal, params)
     share = jnp.sum(near.exact & valid) / jnp.maximum(jnp.sum(valid), 1)
     return PointCloud(position, flat, normal, valid), share
+
+
+def _with_edges(
+    covariance: Float[Array, "6 n"], surface: Array, flat: Array, normal: Array, params: FeatureParams
+) -> tuple[Float[Array, "6 n"], Float[Array, "3 n"]]:
+    """The regularised covariances and normals with those of edges in place."""
+    _, middle, high = symmetric.eigenvalues(covariance)
+    direction = symmetric.smallest_eigenvector(-covariance)
+    # Far from the sensor the neighbours of a point on the ground are those of its own ring: no edge.
+    upright = jnp.abs(direction[2]) > UPRIGHT
+    edge = surface & upright & (high - middle > params.linearity * high)
+    along = symmetric.outer(direction)
+    ball = jnp.array(symmetric.IDENTITY, covariance.dtype)[:, None]
+    line = params.thickness * ball + (1 - params.thickness) * along
+    return jnp.where(edge[None], line, flat), jnp.where(edge[None], 0, normal)
 
 
 def _spread(position: Float[Array, "3 n"], near: nearest.Neighbours) -> tuple[Float[Array, "6 n"], Float[Array, " n"]]:
