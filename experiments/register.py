@@ -134,7 +134,7 @@ def real(study: RegisterStudy, run: Run) -> report.Section:
     progress.show_table("real pair", speed)
     columns = {"": list(agreement), "value": list(agreement.values())}
     progress.show_table("agreement with small_gicp", columns)
-    text = [f"small_gicp on {study.pair.speed.threads} threads, on the same clouds; agreement in double precision."]
+    text = [f"small_gicp on {study.pair.speed.threads} threads, same clouds; agreement in double precision. {_load()}"]
     return report.Section(
         "A real pair", text, [report.Table("Warm medians.", speed), report.Table("Agreement.", columns)]
     )
