@@ -79,8 +79,10 @@ def test_a_world_5_km_away_changes_less_than_a_millimetre(street, drive):
     world = street.map.replace(first=street.map.first + cells)
     moved = state.replace(pose=state.pose.__class__(state.pose.parameters().at[4:].add(far)))
     seen = street.observe(street.ego(65.0), 5)
-    here, _ = street.step(street.localizer, street.map, None, state, seen)
-    there, _ = street.step(street.localizer, world, None, moved, seen)
+    lanes = ("centre", "left", "right")
+    graph = street.graph.replace(**{name: getattr(street.graph, name) + far[None, None, :2] for name in lanes})
+    here, _ = street.step(street.localizer, street.map, street.graph, state, seen)
+    there, _ = street.step(street.localizer, world, graph, moved, seen)
     away = np.asarray(there.pose.translation(), float) - np.asarray(far[:2], float)
     np.testing.assert_allclose(away, here.pose.translation(), atol=1e-3)
 
@@ -95,11 +97,12 @@ def test_held_in_the_lane_that_the_camera_sees(street, drive):
     """A prediction off to the side is put where the seen lane offset says, and only there."""
     graph, pose = street.graph, drive.states[5].pose
     seen = jnp.asarray(0.4)
-    aside = lidar.off_lane(graph, pose, seen)
-    kept = lidar._keep_lane(graph, pose, aside, jnp.asarray(True))
-    assert abs(float(lidar.off_lane(graph, kept, seen))) < 1e-4
+    off_lane, keep = jax.jit(lidar.off_lane), jax.jit(lidar._keep_lane)
+    aside = off_lane(graph, pose, seen)
+    kept = keep(graph, pose, aside, jnp.asarray(True))
+    assert abs(float(off_lane(graph, kept, seen))) < 1e-4
     assert abs(float(kept.translation()[0] - pose.translation()[0])) < 1e-4
-    left_alone = lidar._keep_lane(graph, pose, aside, jnp.asarray(False))
+    left_alone = keep(graph, pose, aside, jnp.asarray(False))
     np.testing.assert_array_equal(left_alone.parameters(), pose.parameters())
 
 
