@@ -6,6 +6,14 @@ from pathlib import Path
 # Tests marked gpu run with JAX_PLATFORMS=cuda,cpu; everything else is a claim about the CPU.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
+# Most programs here are compiled once and run a few times, so compiling is what costs: it takes a quarter of the time
+# without optimisation. What XLA_FLAGS already says stays. `laws/test_batch.py` compares with optimised programs.
+QUICK = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": "false"}
+if os.environ["JAX_PLATFORMS"] == "cpu":
+    given = os.environ.get("XLA_FLAGS", "")
+    added = [f"--{name}={value}" for name, value in QUICK.items() if name not in given]
+    os.environ["XLA_FLAGS"] = " ".join([given, *added]).strip()
+
 from jaxtyping import install_import_hook
 
 install_import_hook("urbanjax", "beartype.beartype")
@@ -16,7 +24,19 @@ import pytest  # noqa: E402
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-LONG = ("grads", "laws", "test_docs.py", "io", "planning")  # begun first, so that all workers end together
+# Begun first, so that all workers end together.
+LONG = (
+    "grads",
+    "laws",
+    "test_docs.py",
+    "io",
+    "planning",
+    "registration",
+    "localization",
+    "sim",
+    "roadmap",
+    "real_data",
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

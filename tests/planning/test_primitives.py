@@ -154,7 +154,7 @@ def test_splines_through_the_points_agree_with_the_quintics(planner, scenes, par
     smooth = params.replace(primitives=params.primitives.replace(resampling="spline", path_horizon=4.0))
     exact = params.replace(primitives=params.primitives.replace(path_horizon=4.0))
     (_, a, near), (_, b, _) = planner(window, ego, cars, exact), planner(window, ego, cars, smooth)
-    np.testing.assert_array_equal(a.position, b.position)
+    np.testing.assert_allclose(a.position, b.position, rtol=1e-6, atol=1e-5)  # two programs: rounding differs
     j = near.chosen
     np.testing.assert_allclose(a.heading[j], b.heading[j], atol=2e-3)
     np.testing.assert_allclose(a.curvature[j], b.curvature[j], atol=2e-3)
