@@ -14,9 +14,6 @@ TEMPERATURE = 0.3
 STEP = 2e-7  # relative to the size of a parameter, at least 2e-7
 AT_ONCE = 4  # directions
 
-# No optimisation: each program is compiled once and run a few times, so compiling is what costs.
-QUICK = {"xla_backend_optimization_level": 0}
-
 
 def paths_of(tree) -> list[str]:
     return [
@@ -58,8 +55,8 @@ class Slopes:
         def values(vectors, *scene):
             return jax.lax.map(lambda vector: along(vector, *scene), vectors)
 
-        self._forward = jax.jit(forward, compiler_options=QUICK)
-        self._values = jax.jit(values, compiler_options=QUICK)
+        self._forward = jax.jit(forward)
+        self._values = jax.jit(values)
 
     def both(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forward mode and central differences along D directions [D, P], each [scenes, D]."""
@@ -126,7 +123,7 @@ def test_reverse_mode_equals_forward_mode(slopes, differentiated):
     _, forward, _ = differentiated
     with jax.enable_x64(True):
         params = as_arrays(loop_params("soft", TEMPERATURE))
-        reverse = jax.jit(jax.grad(score_of), compiler_options=QUICK)
+        reverse = jax.jit(jax.grad(score_of))
         for scene, expected in zip(slopes.scenes, forward, strict=True):
             gradient = reverse(params.stack, params, *scene)
             np.testing.assert_allclose(np.array(jax.tree.leaves(gradient)), expected, rtol=1e-6, atol=1e-9)
