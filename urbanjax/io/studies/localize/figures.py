@@ -12,18 +12,15 @@ from urbanjax.io.studies.localize.methods import Method
 from urbanjax.io.studies.localize.track import Track
 from urbanjax.localization.types import Health
 
-COLOURS = {
-    "proposed": GOOD,
-    "LiDAR odometry": "#d98e04",
-    "matching without": BAD,
-}
+COLOURS = {"LiDAR odometry": "#d98e04", "scan match w/o": BAD, "proposed": GOOD}  # drawn in this order
 THIN = 40_000  # points of the map that are drawn
 
 
 def draw_fig7(world: World, methods: list[Method], path: Path) -> None:
     """Over the point-cloud map: the paths of the methods (a), and where odometry and plain matching leave (b)."""
     truth = np.asarray(world.tour.ego.position)
-    some = [m for m in methods if m.name in COLOURS]
+    named = {m.name: m for m in methods}
+    some = [named[name] for name in COLOURS]
     with figure(path, 10.5, 5.4) as canvas:
         grid = canvas.add_gridspec(2, 2, width_ratios=(1.6, 1.0))
         whole, drift, lost = (canvas.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
@@ -38,8 +35,7 @@ def draw_fig7(world: World, methods: list[Method], path: Path) -> None:
         margin = 60.0
         whole.set_xlim(truth[:, 0].min() - margin, truth[:, 0].max() + margin)
         whole.set_ylim(truth[:, 1].min() - margin, truth[:, 1].max() + 2.2 * margin)
-        named = {m.name: m for m in some}
-        odometry, plain = named["LiDAR odometry"], named["matching without"]
+        odometry, plain = named["LiDAR odometry"], named["scan match w/o"]
         _zoom(drift, odometry.path[int(np.argmax(odometry.distance)), :2], 25.0)
         drift.set_title(f"(b) odometry, where it is {odometry.distance.max():.1f} m off")
         at = plain.diverged

@@ -71,7 +71,7 @@ class Method:
 VARIANTS = {
     "proposed": {},
     "proposed, Eq. 8-10": {"start": "predict_on_failure"},
-    "matching without": {"start": "previous", "fallback": False},
+    "scan match w/o": {"start": "previous", "fallback": False},
 }
 
 
@@ -109,7 +109,7 @@ def _methods(world: World, tracks: dict[str, Track], scans: int, rate: float, pe
     literal = tracks["proposed, Eq. 8-10"]
     kept = ~literal.rows.failed
     matched = Method(
-        "matching with",
+        "scan match w.",
         literal.rows.registered[kept],
         scans,
         literal.milliseconds[1:],
@@ -189,7 +189,7 @@ def summary(methods: list[Method], period: float) -> dict[str, Any]:
     """Flat numbers: name of the method and unit."""
     out: dict[str, Any] = {}
     for m in methods:
-        name = m.name.replace(", Eq. 8-10", " literal").replace(" ", "_").lower()
+        name = m.name.replace(", Eq. 8-10", " literal").replace(".", "").replace("/", "").replace(" ", "_").lower()
         out |= {
             f"{name}_mean_error_m": m.distance.mean(),
             f"{name}_max_error_m": m.distance.max(),
