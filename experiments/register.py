@@ -40,12 +40,15 @@ def table1(study: RegisterStudy, bench: Bench, run: Run) -> report.Section:
         lost=study.lost, period=1e3 * bench.period, iterations=rows.OPEN_ITERATIONS, epsilon=rows.OPEN_EPSILON
     )
     numbers = rows.summary(found)
+    used = sum(found["iterations used"][:8]) / 8
     text = [
         STATED.format(thin=study.localizer.preprocess.downsample.resolution, neighbours=study.neighbours),
         f"Of the 8 rows {numbers['rows_as_in_the_paper_last_pose']} end as in the paper where each registration starts "
         f"from the last pose, and {numbers['rows_as_in_the_paper_odometry']} where odometry predicts it. {_load()}",
-        "Everything here is flat and crisp, which makes the distributions of NDT thin and its basin narrow: "
-        "the clutter and leaves of a real street would widen it.",
+        f"NDT agrees with the paper for a reason of our own: its steps, with weights held, are short, and with the "
+        f"printed epsilon rows 1 to 4 stop after {used:.1f} iterations on average, often where they began. The "
+        f"combinations below use epsilon {rows.OPEN_EPSILON:g} m. Everything here is also flat and crisp, which makes "
+        f"the distributions of NDT thin and its basin narrow: the clutter and leaves of a real street would widen it.",
     ]
     picture = report.Picture("Errors along the drive (a cross: lost), the speed, and the time.", run.path("table1.png"))
     return report.Section("Table I", text, [report.Table(caption, found), picture])
