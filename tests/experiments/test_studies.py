@@ -131,6 +131,8 @@ STUDIES = {
     "highway": ("urbanjax.io.studies.highway", "HighwayStudy"),
     "benchmark": ("urbanjax.io.studies.benchmark", "BenchStudy"),
     "demo": ("experiments.demo", "DemoStudy"),
+    "localize": ("urbanjax.io.studies.localize.methods", "LocalizeStudy"),
+    "register": ("urbanjax.io.studies.register.study", "RegisterStudy"),
 }
 
 

@@ -43,7 +43,7 @@ class LidarLocalizerParams:
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)
     odometry: OdometryParams = OdometryParams()
     health: HealthParams = HealthParams()
-    covariance_scale: float = 1.0  # s^2, calibrated, by which the sandwich is multiplied
+    covariance_scale: float = 300.0  # s^2, by which the sandwich is multiplied, calibrated in experiments.register
     drift: float = 0.01  # m and rad / 10 per m, standard deviation of what odometry adds to the pose
     period: float = 0.1  # s, between two steps
     start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
