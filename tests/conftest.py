@@ -14,7 +14,7 @@ if os.environ["JAX_PLATFORMS"] == "cpu":
     added = [f"--{name}={value}" for name, value in QUICK.items() if name not in given]
     os.environ["XLA_FLAGS"] = " ".join([given, *added]).strip()
 
-from jaxtyping import install_import_hook
+from jaxtyping import install_import_hook  # noqa: E402
 
 install_import_hook("urbanjax", "beartype.beartype")
 
