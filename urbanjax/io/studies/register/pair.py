@@ -33,9 +33,8 @@ class PairParams:
     speed: RegistrationStudy = RegistrationStudy(
         preprocess=PreprocessParams(downsample=DownsampleParams(resolution=0.25, capacity=32768)), repeats=5
     )
-    folder: str = (
-        ""  # with source.ply, target.ply and T_target_source.txt; by default that of the data beside the project
-    )
+    # With source.ply, target.ply and T_target_source.txt; by default that of the data beside the project.
+    folder: str = static(default="", metadata={"path": True})
     use: bool = static(default=True)
 
 
