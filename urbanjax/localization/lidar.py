@@ -88,21 +88,26 @@ def init(params: LidarLocalizerParams, pose: jaxlie.SE2) -> LidarState:
     )
 
 
-def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[PointCloud, Array]:
-    """The scan as a cloud in the body frame at its stamp, without the motion during the sweep, and dropped voxels."""
+def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[Float[Array, "n 3"], Array]:
+    """The scan's points [N, 3] (m) in the body frame at its stamp, without the sweep's motion, and which of them count.
+
+    Raises ScenarioError (when traced) if the observation has no scan.
+    """
     scan = observation.scan
     if not isinstance(scan, Scan):
         raise ScenarioError("localizer 'lidar' needs observation.scan; give it, or choose another localizer")
-    x, y, z, yaw = params.mount
-    turn = jaxlie.SO3.from_z_radians(jnp.asarray(yaw, scan.position.dtype))
-    mount = jaxlie.SE3.from_rotation_and_translation(
-        turn, jnp.stack([jnp.asarray(v, turn.wxyz.dtype) for v in (x, y, z)])
-    )
+    x, y, z, yaw = (jnp.asarray(value, scan.position.dtype) for value in params.mount)
+    mount = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z]))
     points = motion.deskew(scan, mount, observation.odometry)
     # Beyond the window of the map a point could not be explained, and would count against the registration.
     reach = jnp.minimum(params.sensing_radius, sliding.radius(observation.odometry.speed, params.sliding) - MARGIN)
     near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach**2
-    cloud, info = preprocess(points, scan.valid.reshape(-1) & near, params.preprocess)
+    return points, scan.valid.reshape(-1) & near
+
+
+def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[PointCloud, Array]:
+    """The scan as a cloud with features, and how many voxels found no place in it. Errors as of `points_of`."""
+    cloud, info = preprocess(*points_of(params, observation), params.preprocess)
     return cloud, info.dropped
 
 

@@ -1,6 +1,7 @@
 """The stated world: a furnished district, a point-cloud map of it from a drive of its own, and a drive to localize."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from urbanjax.io import pointmap
 from urbanjax.localization import lidar, mapping
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.registration import MapParams, PointCloud, PreprocessParams
-from urbanjax.registration.downsample import DownsampleParams
+from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.roadmap.builders import district
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.sim.scenarios import tour
@@ -27,7 +28,7 @@ AXLE = 0.33  # m, of the body frame above the ground
 
 @pytree
 class MappingParams:
-    """The drive that makes the map: the other lane, nobody around, small errors of its poses."""
+    """The drive that makes the map: off the lane's centre, nobody around, small errors of its poses."""
 
     drive: TourParams = TourParams(speed=10.0, offset=0.7)
     preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))
@@ -73,8 +74,10 @@ def build(
         points = pointmap.load(file)
     else:
         tick("mapping the district")
-        scans = _mapping_scans(jax.random.fold_in(key, 1), params, localizer, course, surroundings)
-        points = mapping.build(scans, params.mapping.resolution)
+        length = params.stretch + params.mapping.reach if params.stretch else math.inf
+        first = jax.random.fold_in(key, 1)
+        scans = survey(first, params.mapping, params.sensor, localizer, course, surroundings, float(length))
+        points = mapping.build(((cloud, pose) for cloud, _, pose in scans), float(params.mapping.resolution))
     world = mapping.distributions(points, params.mapping.distributions)
     truth = tour.drive(jax.random.fold_in(key, 2), course, params.drive)
     if params.stretch:
@@ -83,32 +86,41 @@ def build(
     return World(course.replace(map=world), surroundings, points, truth)
 
 
-def _mapping_scans(
-    key: jax.Array, params: WorldParams, localizer: LidarLocalizerParams, course: Course, surroundings: Surroundings
-) -> Iterator[tuple[PointCloud, np.ndarray]]:
-    """Clouds of the mapping drive with the poses that the map is made with."""
-    drive = tour.drive(key, course, params.mapping.drive.replace(wheel_scale=1.0, wheel_noise=0.0, yaw_noise=0.0))
-    far = float(drive.station[-1])
-    far = min(params.stretch + params.mapping.reach, far) if params.stretch else far
-    every = np.unique(np.searchsorted(np.asarray(drive.station), np.arange(0, far, params.mapping.spacing)))
-    rng = np.random.default_rng(params.seed)
-    prepare = mounted(localizer, params.sensor).replace(
-        preprocess=params.mapping.preprocess, sensing_radius=params.mapping.reach
-    )
-    sensor, prepare = as_arrays((params.sensor, prepare))
+def survey(
+    key: jax.Array,
+    how: MappingParams,
+    sensor: LidarParams,
+    localizer: LidarLocalizerParams,
+    course: Course,
+    surroundings: Surroundings,
+    length: float = math.inf,
+    fine: DownsampleParams | None = None,
+) -> Iterator[tuple[PointCloud, np.ndarray, np.ndarray]]:
+    """Of each scan of the mapping drive: its cloud, points [N, 3] thinned as `fine` says, and the pose to map it at.
+
+    Args: length [m], of the course that is surveyed.
+    """
+    drive = tour.drive(key, course, how.drive)
+    station = np.asarray(drive.station)
+    every = np.unique(np.searchsorted(station, np.arange(0, min(length, float(station[-1])), float(how.spacing))))
+    rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    fine = DownsampleParams(capacity=8) if fine is None else fine
+    clear = mounted(localizer, sensor).replace(preprocess=how.preprocess, sensing_radius=how.reach)
+    args = as_arrays((sensor, clear, fine))
 
     @jax.jit
-    def look(k: jax.Array, sensor: LidarParams, prepare: LidarLocalizerParams) -> PointCloud:
+    def look(k: jax.Array, sensor: LidarParams, clear: LidarLocalizerParams, fine: DownsampleParams) -> tuple:
         ego, yaw_rate = jax.tree.map(lambda x: x[k], (drive.ego, drive.yaw_rate))
         scan = sweep(sensor, surroundings, None, ego, yaw_rate, jax.random.fold_in(key, k))
-        exact = Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate)
-        return lidar.cloud_of(prepare, observation(scan, exact))[0]
+        seen = observation(scan, Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate))
+        thinned, _ = downsample(*lidar.points_of(clear, seen), fine)
+        return lidar.cloud_of(clear, seen)[0], thinned.position.T, thinned.valid
 
-    place = np.asarray(drive.ego.position, float), np.asarray(drive.ego.heading, float)
     for k in every:
-        x, y = place[0][k] + params.mapping.position_noise * rng.normal(size=2)
-        heading = float(place[1][k] + params.mapping.heading_noise * rng.normal())
-        yield look(jnp.asarray(k), sensor, prepare), mapping.matrix(x, y, heading)
+        x, y = np.asarray(drive.ego.position[k], float) + float(how.position_noise) * rng.normal(size=2)
+        heading = float(drive.ego.heading[k]) + float(how.heading_noise) * rng.normal()
+        cloud, points, valid = jax.device_get(look(jnp.asarray(k), *args))
+        yield cloud, points[valid], mapping.matrix(x, y, heading)
 
 
 def observation(scan: Scan, odometry: Odometry, lane_offset: jax.Array | None = None) -> Observation:

@@ -29,8 +29,7 @@ from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import as_arrays, pytree, static
 
-LINK = 82  # middle lane of three at the start of straight H
-SHIFT = -30.0  # m, to the ego's place on it
+SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
 
 @pytree
@@ -41,6 +40,7 @@ class LoopStudy:
     sim: SimParams = SimParams()
     scenario: OvertakeParams = OvertakeParams()
     taus: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75)
+    link: int = static(default=82)  # on which the ego starts: the middle lane of three before straight H
     duration: float = static(default=20.0)  # s
     starts: int = static(default=8, metadata={"range": (0, 1000)})
     seed: int = static(default=0)
@@ -74,17 +74,28 @@ def drive(
 ) -> Loops:
     """All rollouts, one after the other in one compiled program."""
     graph = world.course.graph
-    course = course_between(graph, LINK, int(graph.predecessor[LINK, 0])).replace(map=world.course.map)
+    course = course_between(graph, study.link, int(graph.predecessor[study.link, 0])).replace(map=world.course.map)
     stack = study.stack.replace(lidar=district.mounted(localizer, sensor))
     loop, family = as_arrays((LoopParams(stack, study.sim.replace(lidar=sensor)), study.scenario))
     lanes = tables.from_graph(graph)
     taus = jnp.asarray(study.taus)
     tick(f"driving {taus.size * study.starts} rollouts on poses from scans")
     steps = round(study.duration / float(loop.period))
-    program = jax.jit(_grid, static_argnames=("starts", "n_steps"))
+    program = jax.jit(_grid, static_argnames=("link", "starts", "n_steps"))
     key = jax.random.key(study.seed)
     position, estimate, health, progress, result = jax.device_get(
-        program(loop, family, course, lanes, world.surroundings, taus, key, starts=study.starts, n_steps=steps)
+        program(
+            loop,
+            family,
+            course,
+            lanes,
+            world.surroundings,
+            taus,
+            key,
+            link=study.link,
+            starts=study.starts,
+            n_steps=steps,
+        )
     )
     period = float(loop.period)
     return Loops(
@@ -107,13 +118,14 @@ def _grid(
     surroundings: Any,
     taus: Array,
     key: Array,
+    link: int,
     starts: int,
     n_steps: int,
 ) -> tuple[Array, Array, Array, Array, Metrics]:
     def one(pair: tuple[Array, Array]) -> tuple:
         tau, number = pair
         mine = jax.random.fold_in(key, number)
-        start = transplant(overtake.sample(mine, family, loop.sim), lanes, jnp.asarray(LINK), SHIFT).world
+        start = transplant(overtake.sample(mine, family, loop.sim), lanes, jnp.asarray(link), SHIFT).world
         gvp = loop.stack.behavior.gvp.replace(tau=tau)
         stack = loop.stack.replace(behavior=loop.stack.behavior.replace(gvp=gvp))
         sensing = Sensing(surroundings, jax.random.fold_in(mine, 1))
