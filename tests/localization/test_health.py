@@ -14,10 +14,15 @@ PARAMS = as_arrays(HealthParams(predict_time=0.55, lane_time=1.05, stop_time=0.4
 N, P, L, R, S = (int(state) for state in Health)
 
 
-def states(failed: str, has_lane: bool) -> list[int]:
-    now, seen = health.init(), []
-    for mark in failed:
-        now = health.advance(now, jnp.asarray(mark == "x"), jnp.asarray(has_lane), 0.1, PARAMS)
+SCORES = {".": 0.4, "?": 0.8, "x": 1.5, "!": 1.5}  # good, doubtful, failed, failed and adrift
+
+
+def states(scans: str, has_lane: bool = False, searched: bool = False) -> list[int]:
+    now, seen = health.init().replace(searched=jnp.asarray(searched)), []
+    for mark in scans:
+        now = health.advance(
+            now, jnp.asarray(SCORES[mark]), jnp.asarray(mark == "!"), jnp.asarray(has_lane), 0.1, PARAMS
+        )
         seen.append(int(now.health))
     return seen
 
@@ -35,6 +40,20 @@ def states(failed: str, has_lane: bool) -> list[int]:
 )
 def test_states(failed, has_lane, expected):
     assert states(failed, has_lane) == expected
+
+
+def test_what_is_doubtful_does_not_begin_a_failure_and_does_not_end_one():
+    assert states("????") == [N] * 4
+    assert states("x?????...") == [P] * 5 + [R] * 3 + [N]
+
+
+def test_after_a_search_good_registrations_are_enough():
+    assert states("x???", searched=True) == [P, P, P, N]
+
+
+def test_a_scan_that_fits_nowhere_is_searched_for_at_once():
+    assert states("!...") == [R, R, R, N]
+    assert states("!...", has_lane=True) == [L, L, L, N]
 
 
 def test_literal_gate_is_eq_8():

@@ -4,12 +4,14 @@ import functools
 
 import jax
 import jax.numpy as jnp
+import jaxlie
 import numpy as np
 import pytest
 
 from urbanjax.localization import relocalize
 from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.localization.types import Health
+from urbanjax.roadmap.builders import district
 from urbanjax.types import as_arrays
 
 PARAMS = RelocalizeParams(starts=24, finalists=4)
@@ -24,10 +26,24 @@ def search(street):
 def test_starts_are_the_nearest_lane_points(street, drive):
     pose = drive.states[5].pose
     starts = relocalize.lane_starts(street.graph, pose, 24)
-    away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - np.asarray(pose.translation())[None, :2], axis=1)
-    everywhere = np.asarray(street.graph.centre).reshape(-1, 2)
-    best = np.sort(np.linalg.norm(everywhere - np.asarray(pose.translation())[None, :2], axis=1))[:24]
-    np.testing.assert_allclose(np.sort(away), best, atol=1e-3)
+    here = np.asarray(pose.translation())[:2]
+    away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - here, axis=1)
+    everywhere = np.linalg.norm(np.asarray(street.graph.centre).reshape(-1, 2) - here, axis=1)
+    np.testing.assert_allclose(np.sort(away), np.sort(everywhere)[:24], atol=1e-3)  # lane points are 6 m apart
+
+
+def test_crossing_lanes_share_their_starts():
+    """At a junction many lanes lie on one spot: starts reach farther than the nearest lane points do."""
+    graph = district()
+    corner = int(np.argmax(np.asarray(graph.has_conflict).sum(1)))
+    middle = graph.centre[corner, 16]
+    pose = jaxlie.SE3.from_translation(jnp.array([middle[0], middle[1], 0.0]))
+    starts = jax.jit(relocalize.lane_starts, static_argnums=2)(graph, pose, 64)
+    away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - np.asarray(middle), axis=1)
+    nearest = np.sort(np.linalg.norm(np.asarray(graph.centre).reshape(-1, 2) - np.asarray(middle), axis=1))[:64]
+    assert away.max() > 1.2 * nearest.max()
+    cells = {(*np.floor(p[:2] / 3.0).astype(int),) for p in np.asarray(starts.translation())}
+    assert len(cells) > 32
 
 
 def test_a_vehicle_put_elsewhere_is_found(street, drive, search):

@@ -23,6 +23,7 @@ class HealthParams:
     growth: float = 0.3  # m per s without registration, by which the innovation may be larger
     spread: float = 0.3  # m between the ends from several starts
     off_lane: float = 2.5  # m from the nearest lane's centre, or from the offset that the camera sees
+    doubt: float = 0.6  # of a sign, above which a registration does not end a failure unless the pose was searched for
     predict_time: float = 3.0  # s without registration, for which odometry is trusted
     lane_time: float = 20.0  # s, for which it is trusted where the camera sees the lane
     stop_time: float = 10.0  # s without either, after which the vehicle has to stand
@@ -37,12 +38,13 @@ class Monitor:
     failing: Array  # [] s of failed registrations since the last time that all was well
     blind: Array  # [] s of it without anything that could be trusted
     good: Array  # [] int32, good registrations in a row
+    searched: Array  # [] bool, the pose was found anew since the last time that all was well
 
 
 def init(dtype: jnp.dtype | None = None) -> Monitor:
     """All is well."""
     zero = jnp.zeros((), jnp.zeros(()).dtype if dtype is None else dtype)
-    return Monitor(jnp.asarray(Health.NORMAL, jnp.int32), zero, zero, jnp.asarray(0, jnp.int32))
+    return Monitor(jnp.asarray(Health.NORMAL, jnp.int32), zero, zero, jnp.asarray(0, jnp.int32), jnp.asarray(False))
 
 
 def signs(
@@ -96,26 +98,36 @@ def literal_gate(
 
 
 def advance(
-    now: Monitor, failed: Bool[Array, ""], has_lane: Bool[Array, ""], period: float | Array, params: HealthParams
+    now: Monitor,
+    score: Float[Array, ""],
+    adrift: Bool[Array, ""],
+    has_lane: Bool[Array, ""],
+    period: float | Array,
+    params: HealthParams,
 ) -> Monitor:
     """The next state: failure at once, recovery after `recover` good registrations in a row.
 
-    Args: has_lane, the camera sees the lane; period [s] since the last step.
+    Args: score, largest sign of the registration; adrift, the scan fits neither the map nor the last scans, so that
+    the prediction has no ground; has_lane, the camera sees the lane; period [s] since the last step.
     """
-    good = jnp.where(failed, 0, now.good + 1)
-    well = ~failed & ((now.health == Health.NORMAL) | (good >= params.recover))
+    normal = now.health == Health.NORMAL
+    failed = score > 1
+    doubtful = failed | (~normal & ~now.searched & (score > params.doubt))
+    good = jnp.where(doubtful, 0, now.good + 1)
+    well = ~doubtful & (normal | (good >= params.recover))
     # A good registration among bad ones does not set the clock back.
-    failing = jnp.where(well, 0.0, now.failing + jnp.where(failed, period, 0.0))
+    failing = now.failing + jnp.where(doubtful, period, 0.0)
+    failing = jnp.where(adrift & failed, jnp.maximum(failing, params.predict_time + period), failing)
+    failing = jnp.where(well, 0.0, failing)
     predicts = failing <= params.predict_time
     keeps_lane = has_lane & (failing <= params.lane_time)
-    blind = jnp.where(failed & ~predicts & ~keeps_lane, now.blind + period, 0.0)
-    health = jnp.where(
-        well,
-        Health.NORMAL,
-        jnp.where(
-            predicts,
-            Health.PREDICT,
-            jnp.where(keeps_lane, Health.LANE, jnp.where(blind <= params.stop_time, Health.RELOCALIZE, Health.STOP)),
-        ),
+    blind = jnp.where(doubtful & ~predicts & ~keeps_lane, now.blind + period, 0.0)
+    later = jnp.where(blind <= params.stop_time, Health.RELOCALIZE, Health.STOP)
+    health = jnp.where(predicts, Health.PREDICT, jnp.where(keeps_lane, Health.LANE, later))
+    return Monitor(
+        health=jnp.where(well, Health.NORMAL, health).astype(jnp.int32),
+        failing=failing,
+        blind=blind,
+        good=good.astype(jnp.int32),
+        searched=now.searched & ~well,
     )
-    return Monitor(health.astype(jnp.int32), failing, blind, good.astype(jnp.int32))

@@ -134,9 +134,10 @@ def step(
         aside = off_lane(graph, predicted if params.fallback else found.pose, observation.lane_offset)
         signs = health.signs(found, predicted, state.monitor.failing, jnp.abs(aside), seen, params.health)
         signs = _with_spread(params, signs, cloud, target, found)
-        failed = jnp.max(signs) > 1
+        score = jnp.max(signs)
+        failed, adrift = score > 1, seen & ~odometer.tracked
         has_lane = jnp.asarray(observation.lane_offset is not None and graph is not None)
-        monitor = health.advance(state.monitor, failed, has_lane, params.period, params.health)
+        monitor = health.advance(state.monitor, score, adrift, has_lane, params.period, params.health)
     carried = _keep_lane(graph, predicted, aside, (monitor.health == Health.LANE) & has_lane)
     use = ~failed if params.fallback else jnp.asarray(True)
     pose = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, carried)

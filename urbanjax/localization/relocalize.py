@@ -37,14 +37,23 @@ class Relocalization:
     start: Array  # [] int32, the one of the K that it came from
 
 
-def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int) -> jaxlie.SE3:
-    """The `count` points of lane centres nearest to a pose [K], stacked, heading along their lanes."""
-    here = pose.translation()[:2]
-    middle = graph.centre.reshape(-1, 2)
-    away = jnp.sum((middle - here[None]) ** 2, axis=1)
-    away = jnp.where(jnp.repeat(graph.valid, graph.centre.shape[1]), away, jnp.inf)
-    _, near = jax.lax.top_k(-away, count)
-    flat = jaxlie.SE2.from_xy_theta(middle[near, 0], middle[near, 1], graph.heading.reshape(-1)[near])
+def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int, spacing: float = 3.0) -> jaxlie.SE3:
+    """The `count` places on lanes nearest to a pose [K], stacked, heading along their lanes.
+
+    Of lane points that lie in one cell of `spacing` m and head the same way there is only one: where lanes cross and
+    fork, starts would otherwise be spent on one spot.
+    """
+    middle, heading = graph.centre.reshape(-1, 2), graph.heading.reshape(-1)
+    away = jnp.sum((middle - pose.translation()[None, :2]) ** 2, axis=1)
+    there = jnp.repeat(graph.valid, graph.centre.shape[1])
+    place = jnp.floor(middle / spacing).astype(jnp.int32)
+    way = jnp.floor(heading / (jnp.pi / 4) + 0.5).astype(jnp.int32) % 8
+    cell = ((place[:, 0] % 8192) * 8192 + place[:, 1] % 8192) * 8 + way
+    order = jnp.argsort(jnp.where(there, cell, jnp.iinfo(jnp.int32).max), stable=True)
+    ordered = cell[order]
+    repeated = jnp.zeros(cell.shape, bool).at[order[1:]].set(ordered[1:] == ordered[:-1])
+    _, near = jax.lax.top_k(-jnp.where(there & ~repeated, away, jnp.inf), count)
+    flat = jaxlie.SE2.from_xy_theta(middle[near, 0], middle[near, 1], heading[near])
     return jax.vmap(motion.spatial)(flat)
 
 
@@ -77,7 +86,7 @@ def relocalize(
     pose = jax.tree.map(lambda x: x[first], fine.pose)
     found = share[first] > params.least_share
     monitor = health.init(centre.dtype)
-    monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32))
+    monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32), searched=jnp.asarray(True))
     moved = state.replace(pose=pose, monitor=monitor)
     following = jax.tree.map(lambda a, b: jnp.where(found, a, b), moved, state)
     return Relocalization(pose, found, share, best[first]), following
