@@ -31,7 +31,7 @@ class PairParams:
 
     # Voxels of the peer begin elsewhere: room for a few more than it keeps.
     speed: RegistrationStudy = RegistrationStudy(
-        preprocess=PreprocessParams(downsample=DownsampleParams(resolution=0.25, capacity=32768)), repeats=5
+        preprocess=PreprocessParams(downsample=DownsampleParams(resolution=0.25, capacity=8192)), repeats=15
     )
     # With source.ply, target.ply and T_target_source.txt; by default that of the data beside the project.
     folder: str = static(default="", metadata={"path": True})
