@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.studies.localize import faults, methods
+from urbanjax.io.studies.localize import faults, figures, methods
 from urbanjax.io.studies.localize.faults import Fault
 from urbanjax.io.studies.localize.methods import Method
 from urbanjax.io.studies.localize.track import Row, Track
@@ -96,3 +96,9 @@ def test_errors_are_seen_from_the_true_body():
 def test_the_table_has_a_column_for_each_method():
     rows = methods.table([method([0.1]), method([0.2])], 0.1)
     assert len(methods.as_printed(rows)["m"]) == len(rows) - 1
+
+
+def test_failures_are_drawn(tmp_path):
+    drives = [Fault(kind, 0, 1, 2, track([0.01, 9, 9, 0.01], [0, 1, 3, 0])) for kind in faults.KINDS]
+    figures.draw_faults(drives, 0.1, tmp_path / "failures.png")
+    assert (tmp_path / "failures.png").stat().st_size > 5000

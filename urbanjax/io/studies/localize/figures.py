@@ -99,6 +99,5 @@ def draw_faults(faults: list[Fault], period: float, path: Path) -> None:
             axes[1, column].set_xlabel("since it began [s]")
         axes[0, 0].set_ylabel("planar error [m]")
         axes[1, 0].set_yticks(list(Health), [state.name.lower() for state in Health])
-        for state in Health:
-            axes[0, 0].plot([], [], ".", color=colours[state], label=state.name.lower())
-        axes[0, 0].legend(loc="lower right", title=f"off by {WRONG} m in state", ncols=2)
+        marks = [axes[0, 0].plot([], [], ".", color=colours[state], label=state.name.lower())[0] for state in Health]
+        canvas.legend(handles=marks, loc="outside lower center", ncols=5, title=f"off by {WRONG} m in state")
