@@ -5,18 +5,15 @@ import jaxlie
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import safe
 from urbanjax.types import Odometry, Scan
 
 
 def arc(speed: Float[Array, "*n"], yaw_rate: Float[Array, "*n"], time: Float[Array, "*n"]) -> Float[Array, "3 *n"]:
     """X (m), y (m) and heading (rad) of the body at `time` s, in its frame at time 0; exact for constant rates."""
     turn = yaw_rate * time
-    small = jnp.abs(turn) < 1e-2
-    safe = jnp.where(small, 1.0, turn)
-    square = turn * turn
-    along = jnp.where(small, 1 - square / 6, jnp.sin(safe) / safe)
-    aside = jnp.where(small, turn / 2 * (1 - square / 12), (1 - jnp.cos(safe)) / safe)
-    return jnp.stack([speed * time * along, speed * time * aside, turn])
+    chord = speed * time * safe.sinc(turn / 2)
+    return jnp.stack([chord * jnp.cos(turn / 2), chord * jnp.sin(turn / 2), turn])
 
 
 def travelled(odometry: Odometry, time: float | Float[Array, ""]) -> jaxlie.SE3:

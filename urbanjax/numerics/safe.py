@@ -58,6 +58,15 @@ def maximum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
     return -minimum(-x, axis)
 
 
+def sinc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Sin(x) / x, with a derivative that stays accurate towards 0."""
+    small = jnp.abs(x) < 0.3
+    square = jnp.where(small, x * x, 0.0)
+    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
+    away = jnp.where(small, 1.0, x)
+    return jnp.where(small, series, jnp.sin(away) / away)
+
+
 def wrap_angle(angle: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """The angle in [-pi, pi), derivative 1 everywhere."""
     return angle - 2 * jnp.pi * jnp.floor((angle + jnp.pi) / (2 * jnp.pi))

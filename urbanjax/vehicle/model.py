@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import safe
 from urbanjax.types import Command, VehicleState
 from urbanjax.vehicle.params import VehicleParams
 
@@ -24,7 +25,7 @@ def bicycle_step(
     distance = 0.5 * (state.speed + speed) * dt
     turn = distance * jnp.tan(steering) / params.wheelbase
     middle = state.heading + 0.5 * turn
-    step = jnp.stack([jnp.cos(middle), jnp.sin(middle)], axis=-1) * (distance * _sinc(0.5 * turn))[..., None]
+    step = jnp.stack([jnp.cos(middle), jnp.sin(middle)], axis=-1) * (distance * safe.sinc(0.5 * turn))[..., None]
     return VehicleState(
         position=state.position + step,
         heading=state.heading + turn,
@@ -32,15 +33,6 @@ def bicycle_step(
         acceleration=(speed - state.speed) / dt,
         steering=steering,
     )
-
-
-def _sinc(x: Array) -> Array:
-    """Sin(x) / x, with a derivative that stays accurate towards 0."""
-    small = jnp.abs(x) < 0.3
-    square = jnp.where(small, x * x, 0.0)
-    series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
-    away = jnp.where(small, 1.0, x)
-    return jnp.where(small, series, jnp.sin(away) / away)
 
 
 def highway_step(
