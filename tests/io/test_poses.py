@@ -40,6 +40,8 @@ BAD = {
     "no rotation": (poses.read_kitti, f"{EYE}\n{EYE.replace('1', '2', 1)}", "pose 2: .* no rotation"),
     "mirror": (poses.read_kitti, EYE.replace("1", "-1", 1), "no rotation"),
     "no unit quaternion": (poses.read_tum, "0 0 0 0 0 0 0 2", "pose 1: the quaternion"),
+    "half a matrix": (poses.read_matrix, "1 0 0 0\n0 1 0 0", "no matrix of four lines"),
+    "a matrix that is no pose": (poses.read_matrix, "2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1", "no rotation"),
     "time stands still": (poses.read_tum, "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1", "pose 2: the time"),
 }
 

@@ -7,7 +7,7 @@ import pytest
 
 from urbanjax import registration
 from urbanjax.io import pointclouds
-from urbanjax.io.poses import read_kitti
+from urbanjax.io.poses import read_kitti, read_matrix
 from urbanjax.registration import AlignParams, MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.registration.points import PointCloud
@@ -39,7 +39,7 @@ def test_outdoor_pair(data_dir):
     source, target = (prepared(pointclouds.read(folder / f"{name}.ply"), 0.25) for name in ("source", "target"))
     world = build_jit(target, as_arrays(MapParams()))
     found = align_jit(source, world, jaxlie.SE3.identity(), as_arrays(AlignParams()))
-    metres, degrees = error(found.pose, np.loadtxt(folder / "T_target_source.txt"))
+    metres, degrees = error(found.pose, read_matrix(folder / "T_target_source.txt"))
     assert bool(found.converged)
     assert float(found.inlier_share) > 0.8
     assert metres < 0.05

@@ -16,9 +16,7 @@ def read_kitti(path: str | Path) -> np.ndarray:
     rows = _numbers(Path(path), 12)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows.reshape(-1, 3, 4)
-    turn = poses[:, :3, :3]
-    off = np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-    _refuse(Path(path), (off > TOLERANCE) | (np.linalg.det(turn) < 0), "the first three columns are no rotation")
+    _refuse(Path(path), _twisted(poses[:, :3, :3]), "the first three columns are no rotation")
     return poses
 
 
@@ -32,6 +30,15 @@ def read_tum(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     poses[:, :3, :3] = Rotation.from_quat(rows[:, 4:]).as_matrix()
     poses[:, :3, 3] = rows[:, 1:4]
     return rows[:, 0], poses
+
+
+def read_matrix(path: str | Path) -> np.ndarray:
+    """One pose [4, 4], a row per line. Errors as of `read_kitti`."""
+    rows = _numbers(Path(path), 4)
+    if rows.shape != (4, 4) or np.abs(rows[3] - [0, 0, 0, 1]).max() > TOLERANCE:
+        raise FileError(f"{path}: holds no matrix of four lines that ends in 0 0 0 1")
+    _refuse(Path(path), _twisted(rows[None, :3, :3]), "the first three columns are no rotation")
+    return rows
 
 
 def write_kitti(path: str | Path, poses: np.ndarray) -> None:
@@ -64,6 +71,12 @@ def _numbers(path: Path, columns: int) -> np.ndarray:
     if not rows:
         raise FileError(f"{path}: holds no poses")
     return np.array(rows)
+
+
+def _twisted(turn: np.ndarray) -> np.ndarray:
+    """Which matrices [T, 3, 3] are no rotations [T]."""
+    off = np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+    return (off > TOLERANCE) | (np.linalg.det(turn) < 0)
 
 
 def _refuse(path: Path, wrong: np.ndarray, what: str) -> None:

@@ -63,9 +63,14 @@ class Method:
     @property
     def diverged(self) -> int | None:
         """Scan from which on the error stays above LOST."""
-        well = np.flatnonzero(self.distance < LOST)
-        last = int(well[-1]) + 1 if len(well) else 0
-        return last if last < len(self.distance) else None
+        return lost_after(self.distance, LOST)
+
+
+def lost_after(distance: np.ndarray, limit: float) -> int | None:
+    """The scan from which on the error stays above `limit`; None if it does not at the end."""
+    well = np.flatnonzero(distance <= limit)
+    last = int(well[-1]) + 1 if len(well) else 0
+    return last if last < len(distance) else None
 
 
 VARIANTS = {

@@ -7,10 +7,11 @@ import numpy as np
 from scipy import stats
 
 from urbanjax.io.figures import BAD, GOOD, LINE, OTHER, figure
+from urbanjax.io.studies.localize.methods import lost_after
 from urbanjax.io.studies.register.bench import Setting
 from urbanjax.io.studies.register.calibration import DEGREES, Calibration
 from urbanjax.io.studies.register.factorial import THRESHOLDS, Grid
-from urbanjax.io.studies.register.rows import PAPER, STARTS, Track, lost_after
+from urbanjax.io.studies.register.rows import PAPER, STARTS, Track
 
 COLOURS = {"ndt": BAD, "vgicp": GOOD}
 STAGES = (("pre-processing", "#9db4c0"), ("window", "#d98e04"), ("registration", "#2a7f62"))

@@ -12,9 +12,11 @@ import jax.numpy as jnp
 import jaxlie
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from urbanjax import registration
 from urbanjax.io import pointclouds
+from urbanjax.io.poses import read_matrix
 from urbanjax.io.studies import registration_speed, timing
 from urbanjax.io.studies.registration_speed import RegistrationStudy
 from urbanjax.registration import PreprocessParams
@@ -57,7 +59,7 @@ def missing(params: PairParams) -> str | None:
 def compare(params: PairParams, tick: Callable[[str, float | None], None]) -> tuple[dict[str, float], dict[str, float]]:
     """Agreement (name with unit) and times (as `registration_speed.measure`), with compile times and memory."""
     source, target = (pointclouds.read(folder_of(params) / f"{name}.ply") for name in ("source", "target"))
-    truth = np.loadtxt(folder_of(params) / "T_target_source.txt")
+    truth = read_matrix(folder_of(params) / "T_target_source.txt")
     study = params.speed
     peer: Any = registration_speed.peer_of(study, source, target)
     tick("real pair: agreement", None)
@@ -176,5 +178,4 @@ def _worst(ours: Any, theirs: Any, scale: np.ndarray) -> float:
 def _between(reference: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
     """Distance in m and angle in degrees."""
     away = np.linalg.inv(reference) @ pose
-    cosine = np.clip((np.trace(away[:3, :3]) - 1) / 2, -1, 1)
-    return float(np.linalg.norm(away[:3, 3])), float(np.degrees(np.arccos(cosine)))
+    return float(np.linalg.norm(away[:3, 3])), float(np.degrees(Rotation.from_matrix(away[:3, :3]).magnitude()))

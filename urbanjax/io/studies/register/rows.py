@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from urbanjax.io.studies.localize.methods import lost_after
 from urbanjax.io.studies.register.bench import ANYWHERE, Bench, Seen, Setting
 from urbanjax.localization import motion
 from urbanjax.types import ConfigError, pytree, static
@@ -84,13 +85,6 @@ class Track:
     def distance(self) -> np.ndarray:
         """Planar error [T] m."""
         return np.hypot(self.error[:, 0], self.error[:, 1])
-
-
-def lost_after(distance: np.ndarray, limit: float) -> int | None:
-    """The scan from which on the error stays above `limit`; None if it does not at the end."""
-    well = np.flatnonzero(distance <= limit)
-    last = int(well[-1]) + 1 if len(well) else 0
-    return last if last < len(distance) else None
 
 
 def outcome(distance: np.ndarray, milliseconds: np.ndarray, limit: float, period: float) -> tuple[bool, bool]:
