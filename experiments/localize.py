@@ -113,6 +113,8 @@ def main(params: LocalizeStudy, run: Run) -> None:
             world = district.build(params.world, params.localizer, tick, params.map)
         if not params.map:
             pointmap.save(run.path("map.npz"), world.points)
+        faults.checked(params.faults, world.tour, float(params.localizer.period))
+        loop.checked(params.loop, world.course.graph)
         section, tracks = table2(params, world, run)
         sections = [section]
         if params.faults.seeds:

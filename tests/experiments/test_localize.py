@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.studies.localize import faults, figures, methods
-from urbanjax.io.studies.localize.faults import Fault
+from urbanjax.io.studies.localize import faults, figures, loop, methods
+from urbanjax.io.studies.localize.faults import Fault, FaultParams
+from urbanjax.io.studies.localize.loop import LoopStudy
 from urbanjax.io.studies.localize.methods import Method
 from urbanjax.io.studies.localize.track import Row, Track
 from urbanjax.localization.types import Health, Sign
+from urbanjax.roadmap.builders import straight
+from urbanjax.sim.scenarios.tour import Tour
+from urbanjax.types import ConfigError
 
 
 def track(errors, health=None, registered=None, signs=None) -> Track:
@@ -102,3 +106,21 @@ def test_failures_are_drawn(tmp_path):
     drives = [Fault(kind, 0, 1, 2, track([0.01, 9, 9, 0.01], [0, 1, 3, 0])) for kind in faults.KINDS]
     figures.draw_faults(drives, 0.1, tmp_path / "failures.png")
     assert (tmp_path / "failures.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"after": 30.0}, "'world.stretch'"), ({"kidnap": (30.0, 8.0)}, "'faults.kidnap' must rise")],
+)
+def test_failures_that_do_not_fit_the_drive_are_refused(changes, message):
+    drive = Tour(time=np.arange(400) / 10, station=None, ego=None, yaw_rate=None, odometry=None, vehicles=None)
+    faults.checked(FaultParams(), drive, 0.1)
+    with pytest.raises(ConfigError, match=message):
+        faults.checked(FaultParams(**changes), drive, 0.1)
+
+
+@pytest.mark.parametrize("link", [10_000, 0])
+def test_a_loop_that_cannot_start_is_refused(link):
+    graph = straight(2, 100.0)
+    with pytest.raises(ConfigError, match=r"'loop\.link'"):
+        loop.checked(LoopStudy(link=link), graph)

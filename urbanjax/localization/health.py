@@ -92,7 +92,8 @@ def literal_gate(
 ) -> Float[Array, ""]:
     """How far Eq. 8, read as a failure test, is met: the step over n_max * eps_corres; failure above 1.
 
-    Printed the other way round. It hardly ever fires: 64 iterations of 3 m are 192 m, a scan moves 1.7 m.
+    The paper calls it the condition under which registration succeeds; its direction is that of a failure. It hardly
+    ever fires: 64 iterations of 3 m are 192 m, a scan moves 1.7 m.
     """
     return safe.norm((before.inverse() @ after).translation()) / (iterations * max_distance)
 

@@ -26,6 +26,7 @@ STARTS = ("predict_on_failure", "always_predict", "previous")
 PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
 SUSPICIOUS = 0.7  # of a sign, from which on other starts are tried
 MARGIN = 2.0  # m, of the map's window beyond the points of the scan
+AXLE_HEIGHT = 0.33  # m, of the centre of the rear axle, the body frame, above the ground
 AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02))  # m, m, rad
 
 
@@ -33,8 +34,8 @@ AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02
 class LidarLocalizerParams:
     """From a scan to a pose."""
 
-    # T_body_lidar: x, y, z (m) from the centre of the rear axle, here 0.33 m above the ground, and yaw (rad).
-    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.57, 0.0)
+    # T_body_lidar: x, y, z (m) from the centre of the rear axle, and yaw (rad).
+    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.9 - AXLE_HEIGHT, 0.0)
     preprocess: PreprocessParams = PreprocessParams(
         downsample=DownsampleParams(resolution=0.8, capacity=8192), features=FeatureParams(edges=True)
     )
@@ -44,7 +45,7 @@ class LidarLocalizerParams:
     odometry: OdometryParams = OdometryParams()
     health: HealthParams = HealthParams()
     covariance_scale: float = 300.0  # s^2, by which the sandwich is multiplied, calibrated in experiments.register
-    drift: float = 0.01  # m and rad / 10 per m, standard deviation of what odometry adds to the pose
+    drift: float = 0.01  # standard deviation that odometry adds in 1 m: so many m, and a tenth of it in rad
     period: float = 0.1  # s, between two steps
     start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
     fallback: bool = static(default=True)  # the prediction replaces a failed registration
@@ -138,7 +139,7 @@ def step(
         failed, adrift = score > 1, seen & ~odometer.tracked
         has_lane = jnp.asarray(observation.lane_offset is not None and graph is not None)
         monitor = health.advance(state.monitor, score, adrift, has_lane, params.period, params.health)
-    carried = _keep_lane(graph, predicted, aside, (monitor.health == Health.LANE) & has_lane)
+    carried = _keep_lane(graph, predicted, aside, monitor.health == Health.LANE)
     use = ~failed if params.fallback else jnp.asarray(True)
     pose = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, carried)
     covariance = jnp.where(

@@ -43,7 +43,7 @@ class OdometryState:
 class Odometer:
     """What one step came to."""
 
-    increment: jaxlie.SE3  # T_before_after, of the body
+    increment: jaxlie.SE3  # T_before_after of the body (Eq. 9; clouds are in its frame, so nothing is conjugated)
     tracked: Array  # [] bool, the scan fits the local map; if not, the increment is the predicted one
     alignment: Alignment
 

@@ -20,10 +20,10 @@ from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.sensors.lidar import LidarParams, sweep
 from urbanjax.sim.sensors.surroundings import Surroundings, furnish
-from urbanjax.types import Observation, Odometry, Scan, as_arrays, pytree, static
+from urbanjax.types import ConfigError, Observation, Odometry, Scan, as_arrays, field, pytree, static
 
 FIRST = 1  # the link on which the drives begin
-AXLE = 0.33  # m, of the body frame above the ground
+LEAST = 10  # scans of a drive
 
 
 @pytree
@@ -57,7 +57,8 @@ class WorldParams:
     drive: TourParams = TourParams()
     sensor: LidarParams = LidarParams()
     mapping: MappingParams = MappingParams()
-    stretch: float = 0.0  # m of the course that are mapped and driven, 0 for all of it
+    # m of the course that are mapped and driven, 0 for all of it
+    stretch: float = field(default=0.0, metadata={"range": (0.0, 1e5)})
     seed: int = static(default=0)
 
 
@@ -82,6 +83,8 @@ def build(
     truth = tour.drive(jax.random.fold_in(key, 2), course, params.drive)
     if params.stretch:
         steps = int(np.searchsorted(np.asarray(truth.station), float(params.stretch)))
+        if steps < LEAST:
+            raise ConfigError(f"'world.stretch' of {float(params.stretch):g} m holds {steps} scans; {LEAST} are needed")
         truth = jax.tree.map(lambda x: x[:steps], truth)
     return World(course.replace(map=world), surroundings, points, truth)
 
@@ -123,12 +126,12 @@ def survey(
         yield cloud, points[valid], mapping.matrix(x, y, heading)
 
 
-def observation(scan: Scan, odometry: Odometry, lane_offset: jax.Array | None = None) -> Observation:
+def observation(scan: Scan, odometry: Odometry) -> Observation:
     """What a localizer looks at, without the rest."""
     nothing: dict = {"objects": None, "signals": None}
-    return Observation(odometry=odometry, scan=scan, lane_offset=lane_offset, **nothing)
+    return Observation(odometry=odometry, scan=scan, **nothing)
 
 
 def mounted(localizer: LidarLocalizerParams, sensor: LidarParams) -> LidarLocalizerParams:
     """The localizer for a sensor, knowing where on the vehicle that is."""
-    return localizer.replace(mount=(sensor.x, sensor.y, sensor.z - AXLE, sensor.yaw))
+    return localizer.replace(mount=(sensor.x, sensor.y, sensor.z - lidar.AXLE_HEIGHT, sensor.yaw))

@@ -12,8 +12,9 @@ from urbanjax.io.studies.localize.district import World
 from urbanjax.io.studies.localize.track import Change, Programs, Track
 from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap
+from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.sim.sensors.surroundings import Surroundings, altered
-from urbanjax.types import pytree, static
+from urbanjax.types import ConfigError, pytree, static
 
 KINDS = ("scan_loss", "map_gap", "wrong_map", "kidnapping")
 WRONG = 0.5  # m, an error that must not go unnoticed
@@ -59,6 +60,25 @@ class Fault:
         return int(max(bad[-1] + 1 - self.end, 0)) if len(bad) else 0
 
 
+def checked(params: FaultParams, tour: Tour, period: float) -> None:
+    """Raise ConfigError for failures that do not fit the drive."""
+    low, high = (float(x) for x in params.kidnap)
+    if not 0 < low <= high:
+        raise ConfigError(f"'faults.kidnap' must rise from a positive distance, not {[low, high]}")
+    needed, there = _longest(params, period), len(tour.time)
+    if params.seeds and there <= needed:
+        raise ConfigError(
+            f"a failure needs {needed} scans, but the drive has {there}: raise 'world.stretch', lower 'faults.after' "
+            "or set 'faults.seeds=0'"
+        )
+
+
+def _longest(params: FaultParams, period: float) -> int:
+    """Scans that a failure may take, with what comes before and after it."""
+    before, after, lasts = (round(float(x) / period) for x in (params.before, params.after, params.loss_time))
+    return before + 2 * after + lasts
+
+
 def inject(
     programs: Programs, params: FaultParams, seed: int, tick: Callable[[str], None], kinds: Sequence[str] = KINDS
 ) -> list[Fault]:
@@ -87,7 +107,7 @@ def _one(
     period = float(programs.localizer.period)
     station = np.asarray(tour.station)
     lasts = round(float(params.loss_time) / period)
-    first = int(rng.integers(0, len(station) - before - 2 * after - lasts))
+    first = int(rng.integers(0, len(station) - _longest(params, period)))
     begin, index, change = before, list(range(first, first + before + lasts + after)), Change()
     end = begin + lasts
     if kind == "scan_loss":
@@ -132,13 +152,12 @@ def _changed(surroundings: Surroundings, share: float, seed: int) -> Surrounding
 
 def roc(score: np.ndarray, wrong: np.ndarray) -> float | None:
     """Area under the receiver operating characteristic: the chance that a wrong one scores above a right one."""
-    n_wrong, n_right = int(wrong.sum()), int((~wrong).sum())
-    if not n_wrong or not n_right:
+    if wrong.all() or not wrong.any():
         return None
-    from scipy.stats import rankdata
+    from scipy.stats import mannwhitneyu
 
-    ranks = rankdata(score)
-    return float((ranks[wrong].sum() - n_wrong * (n_wrong + 1) / 2) / (n_wrong * n_right))
+    above = mannwhitneyu(score[wrong], score[~wrong], method="asymptotic").statistic
+    return float(above / (wrong.sum() * (~wrong).sum()))
 
 
 def table(faults: list[Fault], period: float) -> dict[str, list[Any]]:

@@ -16,6 +16,7 @@ from urbanjax.io.studies.localize.district import World
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.types import Health
 from urbanjax.roadmap.course import Course, course_between
+from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim import lanes as tables
 from urbanjax.sim import metrics
 from urbanjax.sim.lanes import Lanes
@@ -27,7 +28,7 @@ from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.sensors.lidar import LidarParams
 from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import as_arrays, pytree, static
+from urbanjax.types import ConfigError, as_arrays, pytree, static
 
 SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
@@ -63,6 +64,15 @@ class Loops:
     def error(self) -> np.ndarray:
         """Planar error [A, S, T] m."""
         return np.linalg.norm(self.estimate - self.position, axis=-1)
+
+
+def checked(study: LoopStudy, graph: RoadGraph) -> None:
+    """Raise ConfigError if the ego cannot start on the link."""
+    count = graph.length.shape[0]
+    if study.link >= count or not bool(graph.valid[study.link] & graph.has_left[study.link]):
+        raise ConfigError(f"'loop.link' must be one of {count} links and have a lane on its left, not {study.link}")
+    if not bool(graph.has_predecessor[study.link, 0]):
+        raise ConfigError(f"'loop.link' {study.link} begins a road: nothing leads back to it")
 
 
 def drive(

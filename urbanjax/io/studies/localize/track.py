@@ -1,7 +1,6 @@
 """Driving a localizer along a drive, scan by scan, and what became of it."""
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -73,7 +72,7 @@ class Programs:
         self.graph = world.course.graph
         self._look = jax.jit(_look)
         self._step = jax.jit(_step)
-        self._find = jax.jit(_find, static_argnames="count")
+        self._find = jax.jit(_find)
         self._init = jax.jit(lidar.init)
 
     def run(
@@ -100,10 +99,9 @@ class Programs:
             took.append(1e3 * seconds)
             rows.append(row)
             found = False
-            if int(row.health) in (Health.LANE, Health.RELOCALIZE) and change.search:
-                find = functools.partial(self._find, count=self.search.starts)
+            if int(row.health) in (Health.LANE, Health.RELOCALIZE):
                 seconds, (answer, state) = timing.timed(
-                    find, self.search, self.localizer, truth, self.graph, state, seen[0]
+                    self._find, self.search, self.localizer, truth, self.graph, state, seen[0]
                 )
                 searches.append(1e3 * seconds)
                 found = bool(answer.found)
@@ -122,7 +120,6 @@ class Change:
     lost: frozenset[int] = frozenset()  # places in the drive at which no scan arrives
     map: VoxelMap | None = None
     surroundings: Surroundings | None = None  # what there is to see
-    search: bool = True  # a lost pose is looked for
 
 
 def _at(tree: Any, k: Any) -> Any:
@@ -176,9 +173,8 @@ def _find(
     graph: Any,
     state: LidarState,
     seen: Observation,
-    count: int,
 ) -> tuple[relocalize.Relocalization, LidarState]:
-    starts = relocalize.lane_starts(graph, state.pose, count)
+    starts = relocalize.lane_starts(graph, state.pose, search.starts)
     return relocalize.relocalize(search, params, world, state, seen, starts)
 
 
