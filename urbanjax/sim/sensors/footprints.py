@@ -1,14 +1,19 @@
 """Rectangles on the ground: how far from the lanes, and which are in each other's way (host side)."""
 
+import jax
 import numpy as np
 from scipy.spatial import cKDTree
 
+from urbanjax.geometry.boxes import overlap
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.types import as_arrays
 
 SPACING = 0.5  # m, between two points of a border
 PERIMETER = 1.0  # m, between two points of a footprint's outline
 COARSE = 0.15  # m, by which distances between such points may be too large
 LARGE = 4.0  # m, half a diagonal
+
+_overlaps = jax.jit(overlap)
 
 
 def clearance(graph: RoadGraph, centre: np.ndarray, heading: np.ndarray, half: np.ndarray) -> np.ndarray:
@@ -91,14 +96,6 @@ def _near(centre: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _overlap(rows: dict[str, np.ndarray], first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """[M] whether pairs of rectangles overlap (no separating axis)."""
-    away = rows["centre"][second] - rows["centre"][first]
-    turn = rows["heading"][second] - rows["heading"][first]
-    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    apart = np.zeros(len(first), bool)
-    for mine, other in ((first, second), (second, first)):
-        heading, half, reach = rows["heading"][mine], rows["half"][mine], rows["half"][other]
-        along = np.abs(away[:, 0] * np.cos(heading) + away[:, 1] * np.sin(heading))
-        across = np.abs(away[:, 1] * np.cos(heading) - away[:, 0] * np.sin(heading))
-        apart |= along > half[:, 0] + reach[:, 0] * cos + reach[:, 1] * sin
-        apart |= across > half[:, 1] + reach[:, 0] * sin + reach[:, 1] * cos
-    return ~apart
+    centre, heading, size = rows["centre"], rows["heading"], 2 * rows["half"]
+    boxes = as_arrays([(centre[k], heading[k], size[k, 0], size[k, 1]) for k in (first, second)])
+    return np.asarray(_overlaps(*boxes[0], *boxes[1]))
