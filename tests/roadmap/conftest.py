@@ -98,3 +98,44 @@ def sample_jit():
 @pytest.fixture(scope="session")
 def to_world_jit():
     return jax.jit(to_world)
+
+
+@pytest.fixture(scope="session")
+def random_graph():
+    """Graphs of 24 links, the last two invalid, with random ways on: up to three successors or, in chains, mostly one.
+
+    Arguments: seed, and whether in chains.
+    """
+    n, most = 24, 3
+    lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
+    template = builders.assemble([lane], n_points=4, n_links=n, n_successors=most)
+
+    def make(seed, chains=False):
+        rng = np.random.default_rng(seed)
+        n_out = rng.integers(0, most + 1, n)
+        left, right = rng.integers(0, n, n), rng.integers(0, n, n)
+        out = template.replace(
+            valid=np.arange(n) < n - 2,
+            length=rng.uniform(5.0, 100.0, n).astype(np.float32),
+            speed_limit=rng.uniform(5.0, 20.0, n).astype(np.float32),
+            successor=rng.integers(0, n, (n, most)).astype(np.int32),
+            has_successor=np.arange(most)[None] < n_out[:, None],
+            left_link=left.astype(np.int32),
+            has_left=rng.random(n) < 0.4,
+            left_change=rng.random(n) < 0.7,
+            right_link=right.astype(np.int32),
+            has_right=rng.random(n) < 0.4,
+            right_change=rng.random(n) < 0.7,
+        )
+        one_way = rng.random(n) < 0.9
+        if chains:
+            ring = (np.arange(n, dtype=np.int32) + 1) % (n - 2)
+            out = out.replace(
+                successor=np.where(one_way[:, None], ring[:, None], out.successor),
+                has_successor=np.where(one_way[:, None], np.arange(most)[None] < 1, out.has_successor),
+                has_left=out.has_left & ~one_way,
+                has_right=out.has_right & ~one_way,
+            )
+        return out
+
+    return make

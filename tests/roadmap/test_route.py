@@ -1,121 +1,23 @@
 """Eq. 12: routes equal scipy's Dijkstra; lane changes, via-points, laps and failures."""
 
-from itertools import pairwise
-
 import jax
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
-from urbanjax.roadmap import builders
+from tests.roadmap.oracle import oracle, walked_cost
 from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route, route_between
 from urbanjax.types import RouteError, RouteStatus
 
-L, S = 24, 3
+L = 24
 cost_to_go_jit = jax.jit(cost_to_go, static_argnames="changes")
 plan_route_jit = jax.jit(plan_route, static_argnames="laps")
 
 
-@pytest.fixture(scope="module")
-def template():
-    """A padded graph whose tables the random graphs replace."""
-    lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
-    return builders.assemble([lane], n_points=4, n_links=L, n_successors=S)
-
-
-def random_graph(template, seed):
-    rng = np.random.default_rng(seed)
-    n_out = rng.integers(0, S + 1, L)
-    left, right = rng.integers(0, L, L), rng.integers(0, L, L)
-    return template.replace(
-        valid=np.arange(L) < L - 2,
-        length=rng.uniform(5.0, 100.0, L).astype(np.float32),
-        speed_limit=rng.uniform(5.0, 20.0, L).astype(np.float32),
-        successor=rng.integers(0, L, (L, S)).astype(np.int32),
-        has_successor=np.arange(S)[None] < n_out[:, None],
-        left_link=left.astype(np.int32),
-        has_left=rng.random(L) < 0.4,
-        left_change=rng.random(L) < 0.7,
-        right_link=right.astype(np.int32),
-        has_right=rng.random(L) < 0.4,
-        right_change=rng.random(L) < 0.7,
-    )
-
-
-def edges(graph, params, changes=True):
-    """All moves (from, to, cost) of a graph, from its tables."""
-    weight = np.asarray(graph.length if params.cost == "length" else graph.length / graph.speed_limit, float)
-    penalty = params.change_length if params.cost == "length" else params.change_time
-    valid = np.asarray(graph.valid)
-    out = []
-    for i in np.flatnonzero(valid):
-        out += [(i, j, weight[i]) for j in graph.successor[i][graph.has_successor[i]] if valid[j]]
-        for side in ("left", "right"):
-            j = int(getattr(graph, f"{side}_link")[i])
-            allowed = getattr(graph, f"has_{side}")[i] and getattr(graph, f"{side}_change")[i]
-            if changes and allowed and valid[j]:
-                out.append((i, j, penalty))
-    return out, weight
-
-
-def host(graph):
-    """The graph with numpy arrays."""
-    return jax.tree.map(np.asarray, graph)
-
-
-def oracle(graph, goal, params, changes=True):
-    """Cost from the start of each link to the end of the goal, by Dijkstra on the reversed graph."""
-    listed, weight = edges(graph, params, changes)
-    n = len(weight)
-    cheapest = np.full((n, n), np.inf)
-    for i, j, c in listed:
-        cheapest[j, i] = min(cheapest[j, i], c)
-    np.fill_diagonal(cheapest, np.inf)
-    rows, columns = np.nonzero(np.isfinite(cheapest))
-    matrix = csr_array((cheapest[rows, columns], (rows, columns)), shape=(n, n))
-    return dijkstra(matrix, indices=goal) + weight[goal]
-
-
-@pytest.mark.parametrize("cost", ["length", "time"])
-def test_cost_to_go_equals_dijkstra_on_random_graphs(template, cost):
-    params = RouteParams(cost=cost)
-    for seed in range(30):
-        graph = random_graph(template, seed)
-        goal = seed % (L - 2)
-        np.testing.assert_allclose(cost_to_go_jit(graph, goal, params), oracle(graph, goal, params), rtol=1e-5)
-
-
-def test_cost_to_go_equals_dijkstra_on_the_district(district, course_links):
-    params = RouteParams()
-    for goal in (course_links[-1], course_links[30]):
-        np.testing.assert_allclose(
-            cost_to_go_jit(district, goal, params), oracle(host(district), goal, params), rtol=1e-5
-        )
-
-
-def walked_cost(graph, route, params):
-    """Cost of the links of a route, checking that each move is one that the graph allows."""
-    listed, weight = edges(graph, params)
-    costs = {}
-    for i, j, c in listed:
-        costs.setdefault((i, j), []).append(c)
-    links = np.asarray(route.link)[np.asarray(route.valid)]
-    change = np.asarray(route.change)
-    penalty = params.change_length if params.cost == "length" else params.change_time
-    total = weight[links[-1]]
-    for k, (i, j) in enumerate(pairwise(links)):
-        spent = penalty if change[k] else weight[i]
-        assert any(spent == pytest.approx(c) for c in costs[(i, j)])
-        total += spent
-    return total
-
-
-def test_route_walks_its_least_cost_on_random_graphs(template):
+def test_route_walks_its_least_cost_on_random_graphs(random_graph):
     params = RouteParams(n_links=L)
     found = 0
     for seed in range(40):
-        graph = random_graph(template, 100 + seed)
+        graph = random_graph(100 + seed)
         rng = np.random.default_rng(seed)
         start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
         route = plan_route_jit(graph, start, goal, params=params)
@@ -130,10 +32,10 @@ def test_route_walks_its_least_cost_on_random_graphs(template):
     assert found > 15
 
 
-def test_lexicographic_search_minimises_changes_first(template):
+def test_lexicographic_search_minimises_changes_first(random_graph):
     params, pair = RouteParams(search="lexicographic", n_links=L), RouteParams(change_length=1e5, n_links=L)
     for seed in range(20):
-        graph = random_graph(template, 200 + seed)
+        graph = random_graph(200 + seed)
         rng = np.random.default_rng(seed)
         start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
         route = plan_route_jit(graph, start, goal, params=params)
@@ -144,11 +46,11 @@ def test_lexicographic_search_minimises_changes_first(template):
             assert float(route.cost) == pytest.approx(best - 1e5 * changes, rel=1e-5)
 
 
-def test_two_stage_takes_the_route_without_changes_if_there_is_one(template):
+def test_two_stage_takes_the_route_without_changes_if_there_is_one(random_graph):
     params = RouteParams(search="two_stage", change_length=0.0, n_links=L)
     kinds = set()
     for seed in range(20):
-        graph = random_graph(template, 300 + seed)
+        graph = random_graph(300 + seed)
         rng = np.random.default_rng(seed)
         start, goal = (int(k) for k in rng.integers(0, L - 2, 2))
         route = plan_route_jit(graph, start, goal, params=params)

@@ -31,7 +31,7 @@ def pad(
     for size_name, names in TABLES.items():
         for name in names:
             more = _more(size_name, sizes[size_name], fields[name].shape[1])
-            fields[name] = jnp.pad(fields[name], ((0, 0), (0, more)))
+            fields[name] = jnp.pad(fields[name], ((0, 0), (0, more))) if more else fields[name]
     more = _more("n_links", n_links, graph.length.shape[0])
     return graph.replace(**{name: _longer(value, more) for name, value in fields.items()})
 
@@ -43,5 +43,7 @@ def _more(name: str, size: int | None, present: int) -> int:
 
 
 def _longer(x: Array, more: int) -> Array:
+    if not more:  # spares a program for each shape
+        return x
     row = jnp.zeros_like(x[:1]) if x.dtype == bool else x[:1]
     return jnp.concatenate([x, *([row] * more)])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from urbanjax.roadmap.builders.relations import conflicts, neighbour_stations, opposites
+from urbanjax.roadmap.builders.relations import conflicts, meetings, neighbour_stations, opposites, pieces
 from urbanjax.roadmap.builders.specs import LaneSpec, check, resample
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.padding import pad
@@ -43,10 +43,11 @@ def assemble(
     width = np.linalg.norm(left - right, axis=-1).mean(-1)
     successors, predecessors = _succession(specs, index, centre, gap_tolerance)
     neighbour = _neighbours(specs, index)
-    opposite = opposites(centre, heading, width, length)
-    conflict = conflicts(centre, width, _related(successors, neighbour, opposite))
-    signals = _signals(specs, length)
     at = _origin(centre, origin)
+    found = meetings(pieces(centre - at, heading, width, length), width, length)
+    opposite = opposites(found, width, length)
+    conflict = conflicts(found, width, _related(successors, neighbour, opposite))
+    signals = _signals(specs, length)
     areas = list(dict.fromkeys(["", *(spec.area for spec in specs)]))
 
     n_s, n_x, n_y = (
@@ -69,7 +70,7 @@ def assemble(
         turn=_integers([int(spec.turn) for spec in specs]),
         road_type=_integers([int(spec.road_type) for spec in specs]),
         rule=_integers([int(spec.rule) for spec in specs]),
-        valid=jnp.ones(len(specs), bool),
+        valid=jnp.asarray(np.ones(len(specs), bool)),
         successor=successor,
         has_successor=has_successor,
         predecessor=predecessor,
