@@ -1,0 +1,75 @@
+"""Eq. 12 on real road networks: 500 random pairs of links each, equal to scipy's Dijkstra."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.roadmap.oracle import host, oracle, walked_cost
+from urbanjax.io import maps
+from urbanjax.roadmap import builders
+from urbanjax.roadmap.costs_to_go import costs_to_go
+from urbanjax.roadmap.route import RouteParams, plan_route
+from urbanjax.types import RouteStatus
+
+pytestmark = pytest.mark.real_data
+
+PAIRS = 500
+TABLES = ("valid", "length", "speed_limit", "successor", "has_successor")
+SIDES = tuple(
+    f"{kind}{side}{end}" for side in ("left", "right") for kind, end in (("", "_link"), ("has_", ""), ("", "_change"))
+)
+# Long loops: what optimising takes is saved many times over.
+FAST = {"xla_backend_optimization_level": 2, "xla_cpu_use_fusion_emitters": True}
+plan_routes = jax.jit(jax.vmap(plan_route, (None, 0, 0, None, None, None)), static_argnums=4, compiler_options=FAST)
+to_go = jax.jit(costs_to_go, compiler_options=FAST)
+
+
+@pytest.fixture(scope="module")
+def slim():
+    """The connections of a small graph alone, in one shape, so that one program serves them; a large one as it is."""
+    lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
+    template = builders.assemble([lane], n_points=4, n_links=128, n_successors=8)
+
+    def slimmed(graph):
+        if len(graph.length) > 128:
+            return graph
+        more, wider = 128 - len(graph.length), 8 - graph.successor.shape[1]
+        padded = {}
+        for name in TABLES + SIDES:
+            x = np.asarray(getattr(graph, name))
+            fill = 1 if name in ("length", "speed_limit") else 0
+            padded[name] = jnp.asarray(np.pad(x, ((0, more), (0, wider))[: x.ndim], constant_values=fill))
+        return template.replace(**padded)
+
+    return slimmed
+
+
+@pytest.mark.parametrize(
+    ("folder", "least"),
+    [
+        ("commonroad", 9),
+        ("commonroad_recorded", 7),
+        ("frenet_examples", 2),
+        ("lanelet2", 2),
+        ("racetracks", 4),
+        ("sumo", 1),
+    ],
+)
+def test_routes_between_random_links(data_dir, slim, folder, least):
+    files = sorted(file for file in (data_dir / "maps" / folder).iterdir() if "raceline" not in file.name)
+    assert len(files) >= least
+    for file in files:
+        graph = slim(maps.read(file).graph)
+        starts, goals = np.random.default_rng(0).choice(np.flatnonzero(graph.valid), (2, PAIRS))
+        for params in (RouteParams(n_links=256), RouteParams(cost="time", n_links=256)):
+            best = oracle(host(graph), goals, params)[np.arange(PAIRS), starts]
+            costs = to_go(graph, jnp.asarray(goals, jnp.int32), params)[np.arange(PAIRS), starts]
+            np.testing.assert_allclose(costs, best, rtol=1e-5, err_msg=file.name)
+            routes = host(plan_routes(graph, starts, goals, (), 1, params))
+            reached = routes.status == RouteStatus.OK
+            np.testing.assert_array_equal(reached, np.isfinite(best), err_msg=file.name)
+            np.testing.assert_allclose(routes.cost[reached], best[reached], rtol=1e-5, err_msg=file.name)
+            for k in np.flatnonzero(reached)[:5]:
+                route = jax.tree.map(lambda x, k=k: x[k], routes)
+                assert walked_cost(host(graph), route, params) == pytest.approx(best[k], rel=1e-5)

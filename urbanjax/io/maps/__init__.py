@@ -1,0 +1,36 @@
+"""Readers of road maps: each file becomes a `RoadMap`, whose graph the rest of the house drives on."""
+
+from pathlib import Path
+
+from urbanjax.io.maps import commonroad, lanelet2, racetrack, sumo
+from urbanjax.io.maps.recording import Goal, PlanningProblem, Recording, Region
+from urbanjax.io.maps.road import Fault, MapLane, RoadMap, SignalCycle
+from urbanjax.io.maps.xml import MapError, parse
+
+__all__ = [
+    "Fault",
+    "Goal",
+    "MapError",
+    "MapLane",
+    "PlanningProblem",
+    "Recording",
+    "Region",
+    "RoadMap",
+    "SignalCycle",
+    "read",
+]
+
+READERS = {"commonRoad": commonroad.read, "osm": lanelet2.read, "net": sumo.read}  # by the root element
+
+
+def read(path: str | Path) -> RoadMap:
+    """The map of a CommonRoad (2018b, 2020a), Lanelet2 or SUMO file, told by its content, or of a racetrack's CSV.
+
+    Raises MapError, naming the file and the element, for what is no such map or a malformed one.
+    """
+    if Path(path).suffix.lower() == ".csv":
+        return racetrack.read(path)
+    xml = parse(path)
+    if xml.root.tag not in READERS:
+        raise xml.fail(xml.root, "no map: one begins with <commonRoad>, <osm> or <net>")
+    return READERS[xml.root.tag](xml)
