@@ -54,6 +54,23 @@ def test_arctan2_equals_numpy_and_is_zero_at_the_origin():
         assert jax.grad(safe.arctan2, argnums=argument)(jnp.zeros(()), jnp.zeros(())) == 0
 
 
+def test_arctan_is_the_arctangent_in_both_precisions(x64):
+    x = np.concatenate([-np.logspace(-6, 8, 300)[::-1], [0.0], np.logspace(-6, 8, 300)])
+    single = np.asarray(safe.arctan(jnp.asarray(x, jnp.float32)))
+    assert single.dtype == np.float32
+    assert np.abs(single - np.arctan(np.float32(x).astype(float))).max() < 4e-7
+    np.testing.assert_allclose(safe.arctan(jnp.asarray(x)), np.arctan(x), rtol=1e-14)
+    np.testing.assert_array_equal(single, -single[::-1])
+
+
+def test_arctan_has_its_derivative_and_no_overflow():
+    x = jnp.array([0.0, 0.3, -1.0, 30.0, 3e5])
+    np.testing.assert_allclose(jax.vmap(jax.grad(safe.arctan))(x), 1 / (1 + x * x), rtol=1e-6)
+    for far in (1e25, -jnp.inf):
+        assert safe.arctan(jnp.float32(far)) == pytest.approx(np.sign(far) * np.pi / 2)
+        assert jax.grad(safe.arctan)(jnp.float32(far)) == 0
+
+
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 4])
 def test_wrapped_angle_is_in_range_and_the_same_direction(x64, turns):
     angle = jnp.linspace(-3.14, 3.14, 21) + 2 * np.pi * turns

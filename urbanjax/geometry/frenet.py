@@ -22,7 +22,7 @@ class Reference:
 
 
 def cell(
-    start: float | Float[Array, ""], spacing: float, n: int, station: Float[Array, "*q"]
+    start: float | Float[Array, ""], spacing: float | Float[Array, ""], n: int, station: Float[Array, "*q"]
 ) -> tuple[Int[Array, "*q"], Float[Array, "*q"], Float[Array, "*q"]]:
     """Interval of the grid at each station (0 to n - 2), fraction within it (0 to 1), and metres beyond an end, signed.
 
@@ -93,7 +93,7 @@ def offset_curve(
 ) -> tuple[Float[Array, "*q"], Float[Array, "*q"]]:
     """Heading [rad] and curvature [1/m] of the curve d(s) beside a reference line (Werling et al. 2010).
 
-        heading = theta_r + atan2(d', 1 - kappa_r d)
+        heading = theta_r + atan(d' / (1 - kappa_r d))
         curvature = ((d'' + (kappa_r' d + kappa_r d') tan) cos^2 / (1 - kappa_r d) + kappa_r) cos / (1 - kappa_r d)
 
     with tan and cos of the heading difference. The frame ends where 1 - kappa_r d reaches 0, the centre of curvature;
@@ -106,7 +106,7 @@ def offset_curve(
     length = safe.sqrt(scale * scale + slope * slope)  # of the offset curve per metre of reference
     cos, tan = scale / length, slope / scale
     bent = ((bend + twist * tan) * cos * cos / scale + curvature) * cos / scale
-    return heading + safe.arctan2(slope, scale), bent
+    return heading + safe.arctan(tan), bent
 
 
 def offset_length(

@@ -35,6 +35,28 @@ def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     return jnp.where(origin, 0, jnp.arctan2(y, jnp.where(origin, 1, x)))
 
 
+@jax.custom_jvp
+def arctan(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Arctangent, in float32 by a polynomial after two half-angle steps: within 4e-7 rad, many times faster on a CPU.
+
+    The steps take any argument to within tan(pi / 8), so there is no branch.
+    """
+    if x.dtype != jnp.float32:
+        return jnp.arctan(x)
+    x = jnp.clip(x, -1e9, 1e9)  # the squares would overflow, and the angle has long been pi / 2
+    half = x / (1 + jnp.sqrt(1 + x * x))
+    quarter = half / (1 + jnp.sqrt(1 + half * half))
+    square = quarter * quarter
+    series = ((8.05374449538e-2 * square - 1.38776856032e-1) * square + 1.99777106478e-1) * square - 3.33329491539e-1
+    return 4 * (quarter + quarter * square * series)
+
+
+@arctan.defjvp
+def _arctan_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    (x,), (change,) = primals, tangents
+    return arctan(x), change / (1 + x * x)
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def minimum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
     """Minimum over an axis, with the derivative of its first smallest entry.
