@@ -1,4 +1,4 @@
-"""Symmetries, limits and gradients of the planning pipeline as a whole."""
+"""Limits and gradients of the planning pipeline as a whole; its symmetries are in `test_properties.py`."""
 
 import jax
 import jax.numpy as jnp
@@ -15,40 +15,6 @@ CARS = [(50.0, 0.3, 3.0), (110.0, 3.2, -6.0), (5.0, 0.0, 12.0)]
 STATE = {"offset": 0.3, "turned": 0.04, "speed": 9.0, "steering": 0.03, "acceleration": 0.5}
 
 
-def mirrored(state):
-    return {k: -v if k in ("offset", "turned", "steering") else v for k, v in state.items()}
-
-
-def test_left_and_right_are_alike(planner, scenes, x64):
-    left, right = scenes.road(curvature=0.01, lanes=(1, 2, 3, 4)), scenes.road(curvature=-0.01, lanes=(0, 1, 2, 3))
-    cars = scenes.traffic(left, CARS), scenes.traffic(right, [(s, -d, v) for s, d, v in CARS])
-    a = planner(left, scenes.ego(left, **STATE), cars[0])
-    b = planner(right, scenes.ego(right, **mirrored(STATE)), cars[1])
-    np.testing.assert_allclose(a[0].value, b[0].value, rtol=1e-9)
-    np.testing.assert_allclose(a[0].offset, -b[0].offset, atol=1e-9)
-    np.testing.assert_allclose(a[0].terms, b[0].terms, atol=1e-9)
-    flip = np.arange(12).reshape(4, 3)[:, ::-1].ravel()
-    np.testing.assert_allclose(a[1].offset, -b[1].offset[flip], atol=1e-9)
-    np.testing.assert_allclose(a[1].curvature, -b[1].curvature[flip], atol=1e-9)
-    np.testing.assert_allclose(a[2].cost, b[2].cost[flip], rtol=1e-9)
-    np.testing.assert_array_equal(a[2].reasons, b[2].reasons[flip])
-
-
-def test_the_plan_moves_with_the_map(planner, scenes, x64):
-    here = scenes.road(curvature=0.01)
-    there = scenes.road(curvature=0.01, origin=(3000.0, -1500.0), heading=2.0)
-    plans = [planner(w, scenes.ego(w, **STATE), scenes.traffic(w, CARS)) for w in (here, there)]
-    (a, fan_a, near_a), (b, fan_b, near_b) = plans
-    np.testing.assert_allclose(a.value, b.value, rtol=1e-8)
-    np.testing.assert_allclose(a.offset, b.offset, atol=1e-8)
-    np.testing.assert_allclose(near_a.terms, near_b.terms, atol=1e-7)
-    np.testing.assert_allclose(near_a.margin, near_b.margin, atol=1e-8)
-    np.testing.assert_allclose(fan_a.curvature, fan_b.curvature, atol=1e-8)
-    cos, sin = np.cos(2.0), np.sin(2.0)
-    moved = np.asarray(near_a.path.position) @ np.array([[cos, sin], [-sin, cos]]) + [3000.0, -1500.0]
-    np.testing.assert_allclose(moved, near_b.path.position, atol=1e-7)
-
-
 def test_kilometres_from_the_origin_single_precision_is_enough(planner, scenes):
     plans = []
     for origin in ((0.0, 0.0), (6000.0, -4000.0)):
@@ -58,15 +24,6 @@ def test_kilometres_from_the_origin_single_precision_is_enough(planner, scenes):
     np.testing.assert_allclose(a.offset, b.offset, atol=0.01)
     np.testing.assert_allclose(near_a.path.offset, near_b.path.offset, atol=0.01)
     np.testing.assert_allclose(near_a.margin, near_b.margin, atol=0.01)
-
-
-def test_padding_changes_nothing(planner, scenes):
-    window = scenes.road()
-    ego, cars = scenes.ego(window, **STATE), scenes.traffic(window, CARS[:2])
-    junk = cars.replace(position=cars.position.at[2].set(jnp.array([30.0, 0.0])), speed=cars.speed.at[2].set(5.0))
-    for mode in ("hard", "soft"):
-        a, b = planner(window, ego, cars, mode=mode), planner(window, ego, junk, mode=mode)
-        jax.tree.map(np.testing.assert_array_equal, a, b)
 
 
 def test_objects_in_any_order(planner, scenes):

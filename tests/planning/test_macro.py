@@ -1,9 +1,18 @@
+from itertools import product
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning import lattice, macro
+from urbanjax.planning.corridor import corridor
+from urbanjax.planning.edges import CORNER, fine_stations
 from urbanjax.planning.macro import MACRO_TERMS, offset_at, profile_at
-from urbanjax.planning.previous import remember
+from urbanjax.planning.previous import nothing, remember
+from urbanjax.types import as_arrays
+from urbanjax.vehicle.params import VehicleParams
 
 
 def test_a_free_road_is_followed_in_its_lane(planner, scenes):
@@ -107,3 +116,74 @@ def test_the_plan_is_read_off_smoothly(planner, scenes):
     np.testing.assert_allclose(time[:-1], plan.time, rtol=1e-4)
     np.testing.assert_allclose(speed[:-1], plan.speed, rtol=1e-4)
     np.testing.assert_allclose(time[-1], plan.time[-1] + 14 / plan.speed[-1], rtol=1e-4)
+
+
+def test_the_inside_of_a_bend_is_shorter_by_its_angle_times_the_offset(planner, scenes, params):
+    window = scenes.road(curvature=0.02, lanes=(2, 3))
+    weights = params.macro.weights
+    free = weights.replace(**dict.fromkeys(("curvature", "route", "centre", "lane_change"), 0.0))
+    plan, _, _ = planner(
+        window,
+        scenes.ego(window, offset=3.5),
+        scenes.traffic(window, []),
+        params.replace(macro=params.macro.replace(weights=free)),
+    )
+    assert plan.feasible == 1
+    np.testing.assert_allclose(plan.offset[2:], 3.5 + 3.5 / 3 * (plan.offset[-1] > 4), atol=1e-4)
+    way = float(plan.station[-1] - plan.start_station)
+    expected = -0.02 * np.sum(
+        np.diff(plan.station, prepend=20.0) * np.convolve([3.5, *plan.offset], [0.5, 0.5], "valid")
+    )
+    length = float(plan.terms[MACRO_TERMS.index("length")])
+    assert length == pytest.approx(expected, abs=0.15)  # the steps sideways add some
+    assert length < -0.02 * 3.4 * way
+
+
+def test_steps_beyond_the_curvature_limit_are_forbidden(planner, scenes, params):
+    window = scenes.road()
+    ego, cars = scenes.ego(window), scenes.traffic(window, [(50.0, 0.0, 3.0)])
+    edges = params.macro.weights.edges.replace(max_curvature=1e-3)
+    tight = params.replace(macro=params.macro.replace(weights=params.macro.weights.replace(edges=edges)))
+    free, held = planner(window, ego, cars)[0], planner(window, ego, cars, tight)[0]
+    assert np.ptp(free.offset) > 3
+    assert np.ptp(held.offset) == pytest.approx(0, abs=1e-5)
+    assert held.terms[MACRO_TERMS.index("forbidden")] == 0
+
+
+def test_a_bend_sharper_than_the_steering_is_followed_along_the_reference(planner, scenes):
+    window = scenes.road(curvature=0.3, lanes=(2,))
+    plan, _, _ = planner(window, scenes.ego(window, speed=1.0), scenes.traffic(window, []))
+    assert plan.feasible == 1
+    assert plan.terms[MACRO_TERMS.index("forbidden")] == 0
+
+
+def costs(window, progress, state, prediction, vehicle, params, relaxation):
+    """What the plan of a small lattice adds up: cost of its starts [M] and of its edges [S - 1, M, M]."""
+    spacing = macro.layer_spacing(window, progress, state, params)
+    station = progress.station + spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
+    road = corridor(window, fine_stations(station, CORNER))
+    found = macro.plan(window, progress, state, prediction, nothing(params.n_layers), vehicle, params, Relaxation())
+    speed = jnp.concatenate([found.start_speed[None], found.speed])
+    layers = lattice.build(road, speed, jnp.concatenate([0 * found.time[:1], found.time]), params.nodes_per_lane)
+    room, previous = found.node_clearance, nothing(params.n_layers)
+    nodes, _ = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
+    start, _ = lattice.start_terms(layers, progress.offset, vehicle, params.weights, relaxation)
+    edges, _ = lattice.edge_terms(layers, vehicle, params.weights, relaxation)
+    node = sum(nodes.values())
+    return found, sum(start.values()) + node[0], sum(edges.values()) + node[1:, None, :]
+
+
+def test_the_plan_is_the_best_of_all_paths(scenes, x64):
+    window = scenes.road(curvature=0.01, lanes=(1, 2, 3), barred=(1,))
+    progress, state = scenes.ego(window, offset=0.4, speed=9.0)
+    cars = scenes.traffic(window, [(45.0, 0.2, 2.0), (70.0, 3.3, 6.0)])
+    params = as_arrays(macro.MacroParams(n_layers=4, nodes_per_lane=2, min_spacing=10.0))
+    arguments = (window, progress, state, cars, as_arrays(VehicleParams()), params, as_arrays(Relaxation()))
+    plan, start, edges = jax.jit(costs)(*arguments)
+    paths = np.array(list(product(range(10), repeat=4)))
+    total = np.asarray(start)[paths[:, 0]] + sum(np.asarray(edges)[i, paths[:, i], paths[:, i + 1]] for i in range(3))
+    best = paths[total.argmin()]
+    assert float(plan.value) == pytest.approx(total.min(), abs=1e-9)
+    np.testing.assert_array_equal(np.asarray(plan.marginal).argmax(1), best)
+    np.testing.assert_allclose(plan.offset, np.asarray(plan.node_offset)[np.arange(4), best])
+    assert np.ptp(plan.offset) > 1

@@ -30,6 +30,7 @@ def test_quintics_solve_the_printed_system(scenes, x64):
         duration=jnp.array([2.0, 2.5, 3.0, 4.5]),
         beside=jnp.zeros(n),
         speed=jnp.array([8.0, 8.0, 8.0, 6.0]),
+        acceleration=jnp.array([0.0, 0.5, 0.0, -0.8]),
         offset=jnp.array([0.0, 1.0, -1.0, 3.5]),
         slope=jnp.array([0.0, 0.1, -0.05, 0.0]),
         bend=jnp.array([0.0, 0.01, 0.0, -0.01]),
@@ -47,7 +48,7 @@ def test_quintics_solve_the_printed_system(scenes, x64):
         heading, kappa_end = quintic.shape.to_plane(
             at_end.heading[j], at_end.curvature[j], end.offset[j], end.slope[j], end.bend[j]
         )
-        v, w = 8.0, float(end.speed[j])
+        v, w, a = 8.0, float(end.speed[j]), float(end.acceleration[j])
         target, _ = scenes.place(window, float(end.station[j]), float(end.offset[j]))
         target = target - np.asarray(state.position)
         for c, trig in ((0, (np.cos, lambda h: -np.sin(h))), (1, (np.sin, np.cos))):
@@ -57,7 +58,7 @@ def test_quintics_solve_the_printed_system(scenes, x64):
                 -0.7 * trig[0](theta) + v * v * kappa * trig[1](theta),
                 target[c],
                 w * trig[0](heading),
-                w * w * kappa_end * trig[1](heading),
+                a * trig[0](heading) + w * w * kappa_end * trig[1](heading),
             ]
             expected = np.linalg.solve(matrix, np.array(right, float))
             # The hermite reference line is within a hair of the circle.

@@ -45,7 +45,7 @@ def corridor(window: ExtendedGraph, station: Float[Array, "n"]) -> Corridor:
         lane_width=road.lane_width,
         present=degrees[:, :lanes],
         oncoming=degrees[:, lanes : 2 * lanes],
-        barred=jnp.concatenate([right, jnp.zeros_like(left[:, :1]), left], axis=-1),
+        barred=jnp.concatenate([right, jnp.zeros_like(degrees[:, :1]), left], axis=-1),
     )
 
 
@@ -73,3 +73,14 @@ def bars(road: Corridor, start: Int[Array, "s"], end: Int[Array, "e"]) -> Float[
     same_side = (start[:, None] - middle) * (end[None, :] - middle) >= 0
     passed = jnp.where(same_side[None], road.barred[:, start][:, :, None], 0)
     return jnp.clip(road.barred[:, end][:, None, :] - passed, 0, 1)
+
+
+def drivable(road: Corridor) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Offsets [n] (m) of the right and the left border of the width from the route's lane outwards."""
+    middle = road.lane_offset.shape[1] // 2
+
+    def reach(border: Array, present: Array) -> Array:
+        return border[:, 0] + jnp.sum(jnp.cumprod(present[:, 1:], axis=1) * jnp.diff(border, axis=1), axis=1)
+
+    right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
+    return reach(right[:, middle::-1], road.present[:, middle::-1]), reach(left[:, middle:], road.present[:, middle:])

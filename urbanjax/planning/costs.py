@@ -25,11 +25,6 @@ def smooth_abs(x: Float[Array, "*s"], rounding: float = 1e-3) -> Float[Array, "*
     return jnp.sqrt(x * x + rounding * rounding) - rounding
 
 
-def excess_length(across: Float[Array, "*s"], along: float | Array) -> Float[Array, "*s"]:
-    """sqrt(along^2 + across^2) - along, the detour (m) of a step that moves sideways, without cancellation."""
-    return across * across / (jnp.sqrt(along * along + across * across) + along)
-
-
 def integral(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
     """Trapezoidal integral over the last axis. Args: values at K points; step [.., K-1] between them."""
     return jnp.sum((values[..., 1:] + values[..., :-1]) / 2 * step, axis=-1)

@@ -3,13 +3,14 @@
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.corridor import Corridor, bars, boundaries, covered
-from urbanjax.planning.costs import BARRIERS, barrier, excess_length, smooth_abs
+from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
+from urbanjax.planning.edges import CORNER, EdgeLimits, Steps, join, layers_of, refused, sharpest, steps_along
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
@@ -43,14 +44,13 @@ class LatticeWeights:
     oncoming: float = 0.1  # per m of way in the oncoming lane
     line: float = 5.0  # per m of the footprint over a line that may not be crossed, and m of way
     collision: float = 500.0  # per colliding node: the least collisions, but
-    forbidden: float = 2e4  # per node off the road, and per step that is too steep or crosses such a line: never
+    forbidden: float = 2e4  # per node off the road, and per step that breaks a limit or crosses such a line: never
     max_slope: float = 0.4  # of the path against the lane
     lateral_speed: float = 3.0  # m/s
-    edge_tolerance: float = 0.15  # m, by which the footprint may leave the road
     collision_scale: float = 0.2  # m, gap that clearly is no collision
     slope_scale: float = 0.02  # slope that clearly is too steep
-    edge_scale: float = 0.05  # m, clearly off the road
     line_scale: float = 0.5  # m, clearly across the line between two lanes
+    edges: EdgeLimits = EdgeLimits()
     barrier: str = static(default="hinge", metadata={"choices": BARRIERS})
 
 
@@ -66,26 +66,39 @@ class Lattice:
     time: Array  # [S] s, of arrival
     speed: Array  # [S] m/s
     step_time: Array  # [S] s, from the layer before
+    steps: Steps  # to each layer from the one before
 
 
-def build(road: Corridor, speed: Float[Array, "k"], time: Float[Array, "k"], r: int, vehicle: VehicleParams) -> Lattice:
-    """The lattice ahead. Args: road, speed and time at S + 1 stations from the ego's own on; r nodes per lane.
+def node_offsets(road: Corridor, r: int) -> tuple[Float[Array, "n m"], Int[Array, "m"]]:
+    """Offsets [n, M] (m) of Q * r nodes from right to left, and the lane across [M] that each belongs to.
 
     Nodes are spread evenly over each lane, so that with lanes side by side they are even across the road.
     """
-    ahead = jax.tree.map(lambda x: x[1:], road)
     lanes = road.lane_offset.shape[1]
-    within = (jnp.arange(r).astype(speed.dtype) - (r - 1) / 2) / r
-    offset = ahead.lane_offset[:, :, None] + ahead.lane_width[:, :, None] * within[None, None, :]
+    within = (jnp.arange(r).astype(road.lane_offset.dtype) - (r - 1) / 2) / r
+    offset = road.lane_offset[:, :, None] + road.lane_width[:, :, None] * within[None, None, :]
+    return offset.reshape(-1, lanes * r), jnp.repeat(jnp.arange(lanes), r)
+
+
+def build(road: Corridor, speed: Float[Array, "k"], time: Float[Array, "k"], r: int) -> Lattice:
+    """The lattice ahead. Args: road, at the fine stations of S steps from the ego's own station on; r nodes per lane.
+
+    Speed and time at those S + 1 stations.
+    """
+    layers = layers_of(road, CORNER)
+    spacing = jnp.broadcast_to(layers.station[1] - layers.station[0], (speed.shape[0] - 1,))
+    ahead = jax.tree.map(lambda x: x[1:], layers)
+    offset, lane = node_offsets(ahead, r)
     return Lattice(
-        offset=offset.reshape(-1, lanes * r),
-        lane=jnp.repeat(jnp.arange(lanes), r),
+        offset=offset,
+        lane=lane,
         road=ahead,
         station=ahead.station,
-        spacing=road.station[1] - road.station[0],
+        spacing=spacing[0],
         time=time[1:],
         speed=speed[1:],
         step_time=jnp.diff(time),
+        steps=steps_along(road, spacing, CORNER),
     )
 
 
@@ -132,7 +145,7 @@ def node_terms(
     covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
     over = bars(road, lattice.lane, jnp.arange(road.barred.shape[1]))
     missing = vehicle.width - jnp.sum(covers, axis=-1) + 1 - road.present[:, lattice.lane]
-    off_road = soft.above(missing, weights.edge_tolerance, relaxation, scale=weights.edge_scale)
+    off_road = soft.above(missing, weights.edges.tolerance, relaxation, scale=weights.edges.edge_scale)
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
@@ -152,39 +165,55 @@ def node_terms(
 
 
 def edge_terms(
-    lattice: Lattice, weights: LatticeWeights, relaxation: Relaxation
+    lattice: Lattice, vehicle: VehicleParams, weights: LatticeWeights, relaxation: Relaxation
 ) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
-    """Weighted cost [S-1, M, M] of each edge by name, and the degree to which it is forbidden."""
+    """Weighted cost [S-1, M, M] of each edge by name, and the degree to which it is forbidden.
+
+    An edge is as long as it is along its own offset curve, and is forbidden where it is too sharp or leaves the road;
+    the reference line's own bends are never too sharp.
+    """
+    steps = jax.tree.map(lambda x: x[1:], lattice.steps)
+    offsets = (lattice.offset[:-1], lattice.offset[1:])
+    ways = join(offsets, jax.tree.map(jnp.zeros_like, offsets), steps, CORNER, vehicle)
+    bends = jnp.max(jnp.abs(steps.curvature), axis=1)[:, None, None]
+    beyond = refused(ways, jnp.maximum(sharpest(vehicle, weights.edges), bends), weights.edges, relaxation)
     across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
     crossed = jnp.abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
     barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, lattice.lane)
-    bad = soft.either(barred, _too_steep(across, lattice.spacing, lattice.speed[1:, None, None], weights, relaxation))
+    steep = _too_steep(across, lattice.spacing, lattice.speed[1:, None, None], weights, relaxation)
+    bad = soft.either(soft.either(barred, steep), beyond)
     return {
-        "length": excess_length(across, lattice.spacing),
+        "length": ways.detour,
         "lane_change": jnp.broadcast_to(weights.lane_change * crossed[None], across.shape),
         "forbidden": weights.forbidden * bad,
     }, bad
 
 
 def start_terms(
-    lattice: Lattice, offset: Float[Array, ""], weights: LatticeWeights, relaxation: Relaxation
+    lattice: Lattice,
+    offset: Float[Array, ""],
+    vehicle: VehicleParams,
+    weights: LatticeWeights,
+    relaxation: Relaxation,
 ) -> tuple[dict[str, Array], Float[Array, "m"]]:
     """Weighted cost [M] of the edges from the ego's own offset (m) to the first layer, and the forbidden degree."""
     first = jax.tree.map(lambda x: x[:1], lattice.road)
     lines = boundaries(first)[0]
     # The ego's lane, as weights: the degree to which it is left of each line, less that of the next one.
     left_of = soft.above(offset - lines, 0.0, relaxation, scale=weights.line_scale)
-    ends = jnp.ones_like(left_of[:1])
-    own = jnp.concatenate([ends, left_of]) - jnp.concatenate([left_of, 0 * ends])
+    one = jnp.ones_like(left_of[:1])
+    own = jnp.concatenate([one, left_of]) - jnp.concatenate([left_of, 0 * one])
     lanes = jnp.arange(own.shape[0])
     crossed = own @ jnp.abs(lanes[:, None] - lattice.lane[None, :]).astype(offset.dtype)
     across = lattice.offset[0] - offset
+    ends = (offset[None, None], lattice.offset[:1])
+    ways = join(ends, jax.tree.map(jnp.zeros_like, ends), jax.tree.map(lambda x: x[:1], lattice.steps), CORNER, vehicle)
     bad = soft.either(
         own @ bars(first, lanes, lattice.lane)[0],
         _too_steep(across, lattice.spacing, lattice.speed[0], weights, relaxation),
     )
     return {
-        "length": excess_length(across, lattice.spacing),
+        "length": ways.detour[0, 0],
         "lane_change": weights.lane_change * crossed,
         "forbidden": weights.forbidden * bad,
     }, bad

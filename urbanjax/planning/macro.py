@@ -13,6 +13,7 @@ from urbanjax.planning import lattice
 from urbanjax.planning.basis import interpolate, smooth
 from urbanjax.planning.clearance import ClearanceParams, followers
 from urbanjax.planning.corridor import corridor
+from urbanjax.planning.edges import CORNER, fine_stations, layers_of
 from urbanjax.planning.lattice import MACRO_TERMS, LatticeWeights
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.search import layered_search
@@ -79,15 +80,16 @@ def plan(
     """
     spacing = layer_spacing(window, progress, state, params)
     distance = spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
-    road = corridor(window, progress.station + distance)
-    cap = curve_speed(road.curvature, params.lateral_acceleration, road.limit)
+    road = corridor(window, fine_stations(progress.station + distance, CORNER))
+    layers = layers_of(road, CORNER)
+    cap = curve_speed(layers.curvature, params.lateral_acceleration, layers.limit)
     speed, time = free_flow(state.speed, cap, distance, params.profile)
-    layers = lattice.build(road, speed, time, params.nodes_per_lane, vehicle)
+    layers = lattice.build(road, speed, time, params.nodes_per_lane)
     follower = followers(state, prediction, vehicle, params.clearance, relaxation)
     room = lattice.clearance(layers, prediction, follower, vehicle, params.clearance, relaxation)
     nodes, node_bad = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
-    start, start_bad = lattice.start_terms(layers, progress.offset, params.weights, relaxation)
-    edges, edge_bad = lattice.edge_terms(layers, params.weights, relaxation)
+    start, start_bad = lattice.start_terms(layers, progress.offset, vehicle, params.weights, relaxation)
+    edges, edge_bad = lattice.edge_terms(layers, vehicle, params.weights, relaxation)
 
     node_cost = functools.reduce(operator.add, nodes.values())
     start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]

@@ -9,7 +9,6 @@ from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
-from urbanjax.planning.corridor import covered
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.planning.primitives import Fan
 from urbanjax.types import Path, Prediction, pytree, static
@@ -25,7 +24,15 @@ MICRO_TERMS = (
     "slowness",
     "lateral_acceleration",
 )
-REASONS = ("curvature", "lateral_acceleration", "collision", "off_road")
+REASONS = (
+    "curvature",
+    "steering_rate",
+    "lateral_acceleration",
+    "acceleration",
+    "deceleration",
+    "collision",
+    "off_road",
+)
 
 
 @pytree
@@ -52,6 +59,8 @@ class MicroParams:
     collision_horizon: float = 5.0  # s, a collision farther ahead is not one yet
     horizon_fade: float = 1.0  # s, over which obstacles fade out after it
     max_lateral_acceleration: float = 4.0  # m/s^2
+    max_acceleration: float = 5.0  # m/s^2, of the assumed speed; what is driven is planned afterwards
+    max_deceleration: float = 8.0  # m/s^2, positive
     settle: float = 1.0  # s, for which a limit that the vehicle already exceeds does not count; then this fades as long
     steering_share: float = 0.95  # of the largest curvature that steering can follow
     edge_tolerance: float = 0.1  # m, by which the footprint may leave the road
@@ -61,6 +70,7 @@ class MicroParams:
     choice_scale: float = 1.0  # m of cost that count as clearly cheaper
     curvature_scale: float = 0.01  # 1/m, clearly within the limit
     acceleration_scale: float = 0.5  # m/s^2
+    rate_scale: float = 0.1  # rad/s
     collision_scale: float = 0.2  # m
     edge_scale: float = 0.1  # m
     barrier: str = static(default="hinge", metadata={"choices": costs.BARRIERS})
@@ -99,7 +109,8 @@ def select(
     room = clearance(fan, prediction, vehicle, params, relaxation)
     terms = weighted_terms(fan, room, previous, params)
     margins = limit_margins(fan, room, vehicle, params)
-    scales = (params.curvature_scale, params.acceleration_scale, params.collision_scale, params.edge_scale)
+    change, collision = params.acceleration_scale, params.collision_scale
+    scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
     broken = jnp.stack(
         [soft.above(-m, 0.0, relaxation, scale=s) for m, s in zip(margins, scales, strict=True)], axis=-1
     )
@@ -180,6 +191,8 @@ def limit_margins(
     steering = params.steering_share * jnp.tan(jnp.asarray(vehicle.max_steering, room.dtype)) / vehicle.wheelbase
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
+    rate = steering_rate(fan, vehicle)
+    gain = jnp.diff(fan.speed**2, axis=1) / (2 * jnp.maximum(costs.segments(fan.position), 1e-3))
     soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
     start = outside[:, :1] + params.recovery_slack * jnp.clip(outside[:, :1] / params.edge_tolerance, 0, 1)
@@ -192,10 +205,21 @@ def limit_margins(
     too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
     return (
         left(sharp, steering, too_sharp, params.settle),
+        vehicle.max_steering_rate - safe.maximum(rate),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
+        params.max_acceleration - safe.maximum(gain),
+        params.max_deceleration - safe.maximum(-gain),
         safe.minimum(soon, 1),
         left(outside, params.edge_tolerance, start, params.recovery),
     )
+
+
+def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
+    """How fast the wheels have to turn [J, K-1] (rad/s, a magnitude) between points, at the assumed speed."""
+    steered = vehicle.wheelbase * fan.curvature  # tan of the angle
+    middle = (steered[:, 1:] + steered[:, :-1]) / 2
+    time = jnp.maximum(jnp.diff(fan.time, axis=1), 1e-3)
+    return jnp.abs(jnp.diff(steered, axis=1)) / ((1 + middle * middle) * time)
 
 
 def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
@@ -208,6 +232,12 @@ def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     cos, sin = jnp.abs(jnp.cos(turned)), jnp.sin(turned)
     half_width = (vehicle.width * cos + vehicle.length * costs.smooth_abs(sin)) / 2
     middle = fan.offset + vehicle.centre_offset * sin
+    low, high = middle - half_width, middle + half_width
+    right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
     usable = road.present * (1 - road.oncoming * jnp.minimum(road.barred, 1))
-    covers = covered(middle.T, half_width.T, road) * usable[:, None, :]
-    return vehicle.width * (1 - jnp.sum(covers, axis=-1).T / (2 * half_width))
+    # Lane by lane, which needs no array of candidates x points x lanes.
+    covers = sum(
+        jnp.maximum(jnp.minimum(high, left[None, :, q]) - jnp.maximum(low, right[None, :, q]), 0) * usable[None, :, q]
+        for q in range(usable.shape[1])
+    )
+    return vehicle.width * (1 - covers / (2 * half_width))

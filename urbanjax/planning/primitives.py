@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics.once import once
 from urbanjax.planning import shape
 from urbanjax.planning.corridor import Corridor, corridor
 from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
@@ -24,6 +25,7 @@ class PrimitiveParams:
     offsets: tuple[float, ...] = (-1.2, -0.7, -0.3, 0.0, 0.3, 0.7, 1.2)  # m beside the macro plan
     durations: tuple[float, ...] = (2.0, 3.0, 4.5)  # s
     speed_factors: tuple[float, ...] = (0.5, 1.0)  # of the free-flow speed at that time
+    accelerations: tuple[float, ...] = (0.0,)  # m/s^2, at the end
     deceleration: float = 4.0  # m/s^2, to reach a lower end speed
     min_speed: float = 0.5  # m/s, at the end
     min_length: float = 8.0  # m, of the quintic
@@ -63,7 +65,7 @@ def generate(
     vehicle: VehicleParams,
     params: PrimitiveParams,
 ) -> Fan:
-    """Candidates of offsets x durations x end speeds, with position, heading and curvature continuous everywhere.
+    """Candidates of offsets x accelerations x end speeds x durations, continuous in position, heading and curvature.
 
     Each is a quintic to its end state beside the macro plan (Eq. 16-18), and from there on the macro plan, to which the
     lateral difference decays; so all reach over the same stations and compare fairly. Below `low_speed`, where x(t)
@@ -76,7 +78,7 @@ def generate(
     ahead = spacing * jnp.arange(params.n_points).astype(spacing.dtype)
     end = end_states(state, macro, params)
     # End states differ in station by duration and speed only.
-    n, repeats = params.n_points, len(params.offsets)
+    n, repeats = params.n_points, len(params.offsets) * len(params.accelerations)
     sampled = corridor(window, jnp.concatenate([progress.station + ahead, end.station[::repeats]]))
     road = jax.tree.map(lambda x: x[:n], sampled)
     at_end = jax.tree.map(lambda x: jnp.repeat(x[n:], repeats, axis=0), sampled)
@@ -90,12 +92,15 @@ def generate(
     beyond = continuation(macro, end, road.station, params)
     inside = ahead[None, :] <= end.length[:, None]
     lateral = jax.tree.map(lambda a, b: jnp.where(inside, a, b), joined, beyond)
+    lateral = Lateral(*once(lateral.offset, lateral.slope, lateral.bend, lateral.time, lateral.speed))
 
     heading, kappa = shape.to_plane(
         road.heading[None, :], road.curvature[None, :], lateral.offset, lateral.slope, lateral.bend
     )
-    left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
-    position = road.position[None] + lateral.offset[..., None] * left[None]
+    x = road.position[None, :, 0] - lateral.offset * jnp.sin(road.heading)[None, :]
+    y = road.position[None, :, 1] + lateral.offset * jnp.cos(road.heading)[None, :]
+    x, y, heading, kappa = once(x, y, heading, kappa)
+    position = jnp.stack([x, y], axis=-1)
     if params.resampling == "spline":
         heading, kappa = arc_length_splines(position, heading)
     return Fan(
@@ -115,14 +120,14 @@ def generate(
 
 
 def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -> EndState:
-    """The grid of J end states beside the macro plan (Eq. 16), offsets fastest.
+    """The grid of J end states beside the macro plan (Eq. 16), offsets fastest, then accelerations.
 
     End speeds are shares of the free-flow speed at that time, within reach of braking; the look-ahead is what uniform
     acceleration to them covers, and at least `min_length`, for which the duration is then prolonged.
     """
     dtype = state.speed.dtype
-    durations, factors, offsets = (
-        jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.offsets)
+    durations, factors, accelerations, offsets = (
+        jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.accelerations, params.offsets)
     )
     time = jnp.concatenate([jnp.zeros(1, dtype), macro.time])
     free = jnp.interp(durations, time, jnp.concatenate([macro.start_speed[None], macro.speed]))
@@ -132,17 +137,18 @@ def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -
     length = jnp.maximum(mean * durations[:, None], params.min_length)
 
     def over_offsets(x: Array) -> Array:
-        return jnp.repeat(x.reshape(-1), offsets.shape[0])
+        return jnp.repeat(x.reshape(-1), accelerations.shape[0] * offsets.shape[0])
 
     station = macro.start_station + over_offsets(length)
     base, slope, bend = offset_at(macro, station)
-    beside = jnp.tile(offsets, speed.size)
+    beside = jnp.tile(offsets, speed.size * accelerations.shape[0])
     return EndState(
         station=station,
         length=over_offsets(length),
         duration=over_offsets(length / mean),
         beside=beside,
         speed=over_offsets(speed),
+        acceleration=jnp.tile(jnp.repeat(accelerations, offsets.shape[0]), speed.size),
         offset=base + beside,
         slope=slope,
         bend=bend,

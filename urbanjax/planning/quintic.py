@@ -26,6 +26,7 @@ class EndState:
     duration: Array  # [J] s
     beside: Array  # [J] m, lateral difference from the macro plan
     speed: Array  # [J] m/s
+    acceleration: Array  # [J] m/s^2
     offset: Array  # [J] m, lateral offset from the reference line
     slope: Array  # [J] its derivative by station
     bend: Array  # [J] 1/m, its second derivative
@@ -63,7 +64,8 @@ def planar(state: VehicleState, curvature: Array, end: EndState, at_end: Corrido
     guess, _ = _uniform(state.speed, end, road.station - road.station[0])
     # The search carries no derivative: one more step from its result has the exact one (implicit function theorem).
     fixed, share = jax.lax.stop_gradient((lines, jnp.minimum(guess / duration, 1)))
-    share = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, u: _towards(fixed, u), share)
+    for _ in range(NEWTON_STEPS):
+        share = _towards(fixed, share)
     share = _towards(lines, share)
 
     _, p, cos, sin, _ = lines
@@ -81,9 +83,14 @@ def planar(state: VehicleState, curvature: Array, end: EndState, at_end: Corrido
 def _towards(lines: tuple[Array, ...], share: Array) -> Array:
     """One Newton step for the shares [J, K] of the duration at which the reference line's normals are crossed."""
     c, p, cos, sin, duration = lines
-    at = read(c, share)
-    miss = (at[..., 0, 0] - p[..., 0]) * cos + (at[..., 1, 0] - p[..., 1]) * sin
-    rate = at[..., 0, 1] * cos + at[..., 1, 1] * sin
+    zero = jnp.zeros_like(share)
+    value, slope = [zero, zero], [zero, zero]
+    for i in range(5, -1, -1):
+        for n in range(2):
+            slope[n] = slope[n] * share + value[n]
+            value[n] = value[n] * share + c[:, i, n, None]
+    miss = (value[0] - p[..., 0]) * cos + (value[1] - p[..., 1]) * sin
+    rate = slope[0] * cos + slope[1] * sin
     return jnp.clip(share - miss / jnp.maximum(rate, MIN_RATE * duration), 0, 1)
 
 
@@ -96,7 +103,7 @@ def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: C
     # A vehicle that brakes to standstill before the end of the primitive would have to come back.
     acceleration = jnp.maximum(state.acceleration, -state.speed / end.duration)
     (vx, ax), (vy, ay) = boundary(state.speed, acceleration, state.heading, curvature)
-    (wx, bx), (wy, by) = boundary(end.speed, jnp.zeros_like(end.speed), heading, end_curvature)
+    (wx, bx), (wy, by) = boundary(end.speed, end.acceleration, heading, end_curvature)
     x = at_end.position[:, 0] - end.offset * jnp.sin(at_end.heading) - state.position[0]
     y = at_end.position[:, 1] + end.offset * jnp.cos(at_end.heading) - state.position[1]
     t, zero = end.duration, jnp.zeros_like(x)

@@ -38,3 +38,31 @@ def layered_search(
     first = soft.choose(total, relaxation, scale)
     _, (nodes, edges) = jax.lax.scan(forward, first, steps)
     return soft.minimum(total, relaxation, scale), jnp.concatenate([first[None], nodes]), edges
+
+
+def closed_search(
+    edge_cost: Float[Array, "s m m"],
+    relaxation: Relaxation,
+    scale: float | Array = 1.0,
+    barred: float = 1e6,
+) -> tuple[Float[Array, ""], Float[Array, "s m"], Float[Array, "s m m"]]:
+    """Cost of the best way round a closed course of S layers, back to the node where it began, and its weights.
+
+    As `layered_search`, over all closed paths: the last layer leads to the first one. Args: edge_cost [S, M, M],
+    finite; barred, added to ends beside the start, more than any path costs.
+    Returns: value; node weights [S, M]; edge weights [S, M, M].
+    """
+    others = barred * (1 - jnp.eye(edge_cost.shape[1], dtype=edge_cost.dtype))
+
+    def from_node(other: Array) -> tuple[Array, Array, Array]:
+        ended = edge_cost.at[-1].add(other[None, :])
+        value, nodes, edges = layered_search(other, ended, relaxation, scale)
+        return value, nodes[:-1], edges
+
+    values, nodes, edges = jax.vmap(from_node)(others)
+    first = soft.choose(values, relaxation, scale)
+    return (
+        soft.minimum(values, relaxation, scale),
+        jnp.tensordot(first, nodes, axes=1, precision=jax.lax.Precision.HIGHEST),
+        jnp.tensordot(first, edges, axes=1, precision=jax.lax.Precision.HIGHEST),
+    )
