@@ -6,10 +6,10 @@ from jax import Array
 from urbanjax.geometry.polyline import Projection
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.sim import agents, reaction
 from urbanjax.sim import lanes as roads
+from urbanjax.sim import reaction
 from urbanjax.sim.lanes import Lanes
-from urbanjax.sim.world import HARD, SimParams, WorldState
+from urbanjax.sim.world import HARD, SimParams, WorldState, everybody
 from urbanjax.types import Command, Objects, VehicleState, pytree
 from urbanjax.vehicle.model import box_centre
 
@@ -49,7 +49,7 @@ def record(params: SimParams, lanes: Lanes, world: WorldState, command: Command,
         along=ego.speed * jnp.cos(error[0]),
         offset=place.offset[0],
         road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, EDGE),
-        traffic=agents.objects(lanes, world.traffic, params.traffic),
+        traffic=everybody(params, lanes, world),
     )
 
 

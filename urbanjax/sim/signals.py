@@ -36,3 +36,9 @@ def show(program: SignalProgram, time: Float[Array, ""]) -> Signals:
     state = jnp.where(is_green, SignalState.GREEN, jnp.where(is_yellow, SignalState.YELLOW, SignalState.RED))
     until = jnp.where(is_green, to_yellow, jnp.where(is_yellow, to_red, program.cycle))
     return Signals(state.astype(jnp.int32), until - into, jnp.ones(into.shape, bool))
+
+
+def always_green(n_signals: int) -> SignalProgram:
+    """A program in which nobody ever has to stop, for recordings without signals."""
+    each = jnp.ones(n_signals)
+    return SignalProgram(each, 0 * each, each, 0 * each)

@@ -7,11 +7,12 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.sim import agents, mobil, priority, reaction, signals
+from urbanjax.sim import agents, mobil, priority, reaction, replay, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
+from urbanjax.sim.replay import Replay
 from urbanjax.sim.sensors.lidar import LidarParams, sweep
 from urbanjax.sim.sensors.surroundings import Surroundings
 from urbanjax.sim.signals import SignalProgram
@@ -47,6 +48,7 @@ class WorldState:
     signals: SignalProgram
     time: Array  # [] s
     count: Array  # [] int32, policy steps so far
+    replay: Replay | None = None  # recorded road users; simulated traffic does not see them
 
 
 def step(
@@ -173,7 +175,7 @@ def observe(params: SimParams, lanes: Lanes, world: WorldState, sensing: Sensing
         ego.steering,
         ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase,
     )
-    vehicles = agents.objects(lanes, world.traffic, params.traffic)
+    vehicles = everybody(params, lanes, world)
     scan = None
     if sensing is not None:
         key = jax.random.fold_in(sensing.key, world.count)
@@ -185,6 +187,15 @@ def observe(params: SimParams, lanes: Lanes, world: WorldState, sensing: Sensing
         pose=ego.pose if sensing is None else None,
         scan=scan,
     )
+
+
+def everybody(params: SimParams, lanes: Lanes, world: WorldState) -> Objects:
+    """All other road users, simulated and recorded."""
+    vehicles = agents.objects(lanes, world.traffic, params.traffic)
+    if world.replay is None:
+        return vehicles
+    recorded = replay.objects(world.replay, world.time)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), vehicles, recorded)
 
 
 def nearest_objects(params: SimParams, objects: Objects, ego: VehicleState) -> Objects:
