@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.io.figures import BAD, GOOD, LINE, ROAD, figure
+from urbanjax.io.figures import BAD, GOOD, figure
 from urbanjax.io.maps.road import RoadMap
-from urbanjax.roadmap.graph import RoadType, Rule
+from urbanjax.io.roads import draw_road
+from urbanjax.roadmap.graph import Rule
 
-FILLS = {RoadType.JUNCTION: "#dfe7ef", RoadType.HIGHWAY: "#efe9dc", RoadType.RAMP: "#f3e3d3"}
 ARROW = "#4a6fa5"
 TRACK = "#d98c21"
 SIZE = 11.0  # inches, of the longer side
@@ -31,33 +31,17 @@ def draw_map(found: RoadMap, path: Path) -> None:
     with figure(path, float(width) + 0.8, float(height) + 0.6) as canvas:
         axes = canvas.add_subplot()
         inches = 3.5 * SIZE / float(span.max())  # a lane's width
-        draw_lanes(axes, graph, min(1.0, 20 * inches))
+        draw_road(axes, graph, min(1.0, 20 * inches))
         _directions(axes, graph)
         _rules(axes, graph, float(np.clip(60 * inches, 1.2, 3.5)))
         _traffic(axes, found)
         margin = 0.03 * span.max()
         axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
         axes.set(xlabel=f"east of {found.graph.origin[0]:.0f} [m]", ylabel=f"north of {found.graph.origin[1]:.0f} [m]")
-        axes.set_aspect("equal")
         length = float(np.sum(np.asarray(graph.length, float))) / 1000
         axes.set_title(f"{found.path.stem} ({found.format}): {len(found.ids)} links, {length:.2f} km")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
-
-
-def draw_lanes(axes: Any, graph: Any, line: float) -> None:
-    """Surface and borders of each lane."""
-    from matplotlib.collections import LineCollection, PolyCollection
-
-    left, right = np.asarray(graph.left), np.asarray(graph.right)
-    kinds = np.asarray(graph.road_type)
-    fills = [FILLS.get(RoadType(int(kind)), ROAD) for kind in kinds]
-    order = np.argsort(kinds == RoadType.JUNCTION, kind="stable")[::-1]
-    outline = np.concatenate([left, right[:, ::-1]], axis=1)
-    axes.add_collection(PolyCollection(list(outline[order]), facecolors=[fills[i] for i in order], edgecolors="none"))
-    faint = line * np.where(kinds == RoadType.JUNCTION, 0.25, 0.6)
-    for border in (left, right):
-        axes.add_collection(LineCollection(list(border), colors=LINE, linewidths=faint))
 
 
 def _directions(axes: Any, graph: Any) -> None:
