@@ -1,0 +1,47 @@
+"""Closed loop in the place of every recorded driver: `python -m experiments.recorded`."""
+
+from urbanjax.io import cli, progress, report
+from urbanjax.io.runs import Run
+from urbanjax.io.studies.recorded import figures, study, table
+from urbanjax.io.studies.recorded.study import RecordedStudy
+
+CAPTION = (
+    "The stack, at the size, place and speed of each recorded vehicle, for as long as its record lasts; everybody else "
+    "moves as recorded and does not react. At fault: the ego's front or flank touches somebody, or it touches somebody "
+    "who stands; not at fault: it stands, or is hit from behind. Progress is along the route, ours over the recorded "
+    "one. Comfort from the same differences of speed and heading over one step; recorded ones hold the noise of the "
+    "measurement. Signals were not recorded, and count as green."
+)
+
+
+@cli.experiment("recorded", RecordedStudy)
+def main(params: RecordedStudy, run: Run) -> None:
+    """Drive, print the table, write figures and report."""
+    drives, left_out, pictures = [], {}, []
+    with progress.bar("recorded traffic") as tick:
+        for path in study.paths(params):
+            scene, driven = study.drives(params, path, tick)
+            drives += driven
+            left_out[scene.name] = scene.left_out
+            figures.draw_scene(scene, driven, run.path(f"{scene.name}.png"))
+            pictures.append(
+                report.Picture(f"{scene.name}: the stack and the recorded drives", run.path(f"{scene.name}.png"))
+            )
+            run.table("drives", table.rows(drives))
+    for name, part in table.scenes_of(drives).items():
+        prefix = "" if name == table.ALL else f"{name.replace('-', '_')}_"
+        run.summary({f"{prefix}{key}": value for key, value in table.score(part).items()})
+    columns, wrong = table.table(drives), table.failures(drives, left_out)
+    run.table("scenes", columns)
+    run.table("failures", wrong)
+    progress.show_table("recorded traffic", columns)
+    progress.show_table("contacts, off the road, left out", wrong)
+    figures.draw_summary(drives, run.path("recorded.png"))
+    summary = report.Picture("Progress and comfort of every drive", run.path("recorded.png"))
+    items = [report.Table(CAPTION, columns), report.Table("What went wrong", wrong), summary, *pictures]
+    section = report.Section("In the place of recorded drivers", [], items)
+    report.write_report(run.path("report.html"), "urbanjax among recorded traffic", [section], run.manifest("complete"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Closed loop among recorded traffic: the stack in the place of each recorded driver."""

@@ -1,0 +1,54 @@
+"""Which recordings are driven in, and how."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from urbanjax.io import maps
+from urbanjax.io.studies.recorded.drive import Drive, drive
+from urbanjax.io.studies.recorded.scenes import Scene, prepare
+from urbanjax.roadmap.extended import ExtendParams
+from urbanjax.sim.rollout import LoopParams
+from urbanjax.sim.world import SimParams
+from urbanjax.stack import StackParams
+from urbanjax.types import ConfigError, field, pytree, static
+
+BESIDE = Path(__file__).resolve().parents[5] / "shared" / "data"  # where the data is without $URBANJAX_DATA
+NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
+
+
+@pytree
+class RecordedStudy:
+    """The stack in the place of every recorded driver of some CommonRoad files."""
+
+    stack: StackParams = StackParams()
+    sim: SimParams = SimParams()
+    extend: ExtendParams = ExtendParams()
+    period: float = 0.1  # s, of one stack step
+    shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
+    folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
+    files: tuple[str, ...] = static(default=NGSIM)  # names without .xml
+
+
+def paths(study: RecordedStudy) -> list[Path]:
+    """The files. Raises ConfigError, naming the first one that is missing."""
+    data = Path(os.environ.get("URBANJAX_DATA", BESIDE))
+    folder = Path(study.folder or data / "maps" / "commonroad_recorded")
+    found = [folder / f"{name}.xml" for name in study.files]
+    for path in found:
+        if not path.is_file():
+            raise ConfigError(f"there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")
+    if not found:
+        raise ConfigError("'files' names no recording")
+    return found
+
+
+def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tuple[Scene, list[Drive]]:
+    """One recording and all drives in it."""
+    tick(f"{path.stem}: map and routes")
+    road = maps.read(path)
+    if road.recording is None:
+        raise ConfigError(f"{path} holds no recorded traffic: choose other 'files'")
+    scene = prepare(road, study.extend, float(study.shortest))
+    tick(f"{path.stem}: {len(scene.starts)} drives")
+    return scene, drive(LoopParams(study.stack, study.sim, study.period), scene)
