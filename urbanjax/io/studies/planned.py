@@ -1,0 +1,181 @@
+"""One plan of one moment, explained: the fan coloured by cost, the lattice by its marginals (Fig. 4 and 8)."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from urbanjax import stack
+from urbanjax.io import maps
+from urbanjax.io.figures import GOOD, OTHER, figure
+from urbanjax.io.lattices import draw_boxes, draw_macro
+from urbanjax.io.roads import draw_road
+from urbanjax.io.studies.recorded import drive, scenes
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning import plan as plans
+from urbanjax.planning.plan import Memory, Plan
+from urbanjax.planning.prediction import predict
+from urbanjax.roadmap.course import Course, course_between
+from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, progress, window
+from urbanjax.roadmap.locate import locate
+from urbanjax.sim import lanes as tables
+from urbanjax.sim import world as worlds
+from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.rollout import LoopParams
+from urbanjax.sim.scenarios import overtake
+from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
+from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.stack import StackParams
+from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
+
+AHEAD, BEHIND, ASIDE = 75.0, 12.0, 14.0  # m shown around the ego
+INFEASIBLE = "#c9c9c9"
+QUICK = {"xla_backend_optimization_level": 1}
+
+
+@pytree
+class PlanStudy:
+    """The moment: some seconds into an overtaking scene, or into a recorded one."""
+
+    stack: StackParams = StackParams()
+    sim: SimParams = SimParams()
+    scenario: OvertakeParams = OvertakeParams()
+    extend: ExtendParams = ExtendParams()
+    period: float = 0.1  # s, of one stack step
+    time: float = field(default=2.0, metadata={"range": (0.0, 1e3)})  # s driven before
+    temperature: float = 0.3  # of the soft plan whose marginals are drawn
+    seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
+    file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
+    vehicle: str = static(default="", metadata={"path": True})  # who is replaced there, by default the first
+
+
+@dataclasses.dataclass(frozen=True)
+class Moment:
+    """Everything that one plan was made of."""
+
+    course: Course
+    window: ExtendedGraph
+    observation: Observation
+    ego: np.ndarray  # [5] x, y (m) of the box centre, heading (rad), length, width (m)
+    prediction: Prediction
+    hard: Plan
+    soft: Plan
+
+
+def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
+    """Drive up to the moment and plan there, hard and soft."""
+    tick("scene")
+    loop, course, lanes, world = _scene(study)
+    step = jax.jit(stack.step, compiler_options=QUICK)
+    observe, advance = jax.jit(worlds.observe), jax.jit(worlds.step)
+    state = stack.init(loop.stack, course, world.ego.pose)
+    for k in range(round(float(study.time) / float(study.period))):
+        tick(f"driving, {k * float(study.period):.1f} s")
+        command, state, _ = step(loop.stack, course, state, observe(loop.sim, lanes, world))
+        world = advance(loop.sim, lanes, world, command, loop.period)
+    tick("planning")
+    seen, params = observe(loop.sim, lanes, world), loop.stack
+    make = jax.jit(_plan, compiler_options=QUICK)
+    modes = (Relaxation(), Relaxation(float(study.temperature), mode="soft"))
+    (road, future, hard), (_, _, soft) = (make(params, course, state, seen, world, as_arrays(mode)) for mode in modes)
+    vehicle = params.vehicle
+    centre = worlds.box_centre(world.ego, vehicle)
+    ego = np.array([*centre, world.ego.heading, vehicle.length, vehicle.width], float)
+    return Moment(course, road, seen, ego, future, hard, soft)
+
+
+def _scene(study: PlanStudy) -> tuple[LoopParams, Course, Lanes, WorldState]:
+    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    if not study.file:
+        graph = overtake.road(study.scenario)
+        scenario, sim = as_arrays((study.scenario, study.sim))
+        start = jax.jit(overtake.sample)(jax.random.key(study.seed), scenario, sim)
+        return loop, course_between(graph, RIGHT, RIGHT, extended=study.extend), tables.from_graph(graph), start.world
+    road = maps.read(Path(study.file))
+    if road.recording is None:
+        raise ConfigError(f"{study.file} holds no recorded traffic: choose another 'file'")
+    scene = scenes.prepare(road, study.extend, 1.0)
+    names = [start.name for start in scene.starts]
+    if study.vehicle and study.vehicle not in names:
+        raise ConfigError(f"'vehicle' {study.vehicle!r} cannot be replaced in {study.file}: use one of {names}")
+    k = names.index(study.vehicle) if study.vehicle else 0
+    lanes = tables.from_graph(scene.graph)
+    extended, world, vehicle = jax.tree.map(
+        lambda x: x[k], (scene.extended, drive.worlds_of(loop, scene), scene.vehicle)
+    )
+    loop = loop.replace(stack=loop.stack.replace(vehicle=vehicle), sim=loop.sim.replace(vehicle=vehicle))
+    return loop, Course(scene.graph, extended), lanes, world
+
+
+def _plan(
+    params: StackParams,
+    course: Course,
+    state: stack.StackState,
+    seen: Observation,
+    world: WorldState,
+    relaxation: Relaxation,
+) -> tuple[ExtendedGraph, Prediction, Plan]:
+    road = window(course.extended, state.station, params.window)
+    here = progress(road, world.ego.position, world.ego.heading)
+    lanes = locate(course.graph, seen.objects.position, seen.objects.heading, params=params.locate)
+    future = predict(course.graph, seen.objects, lanes, params.planning.prediction)
+    memory = Memory(state.macro, state.micro)
+    made = plans.plan(road, here, world.ego, future, memory, params.vehicle, params.planning, relaxation)
+    return road, future, made
+
+
+def draw(found: Moment, path: Path) -> None:
+    """Above the fan by cost, below the macro lattice by the marginals of the soft plan."""
+    with figure(path, 10.5, 6.2) as canvas:
+        upper, lower = canvas.subplots(2, 1)
+        for axes in (upper, lower):
+            draw_road(axes, found.course.graph)
+            _traffic(axes, found)
+        bar = _fan(upper, found)
+        canvas.colorbar(bar, ax=upper, label="cost above the least [m]", pad=0.01)
+        upper.set_title("a  primitives by cost (grey: a limit is broken), the chosen one, predicted traffic")
+        bar = draw_macro(lower, found.window, found.soft.macro)
+        canvas.colorbar(bar, ax=lower, label="marginal of the node", pad=0.01)
+        lower.set_title("b  macro lattice, marginals of the soft plan")
+        for axes in (upper, lower):
+            _around(axes, found.ego)
+
+
+def _around(axes: Any, ego: np.ndarray) -> None:
+    """What lies ahead of the ego fills the picture."""
+    ahead = np.array([np.cos(ego[2]), np.sin(ego[2])])
+    aside = np.array([-ahead[1], ahead[0]])
+    corners = ego[:2] + np.array([s * ahead + t * aside for s in (-BEHIND, AHEAD) for t in (-ASIDE, ASIDE)])
+    low, high = corners.min(0), corners.max(0)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+
+
+def _traffic(axes: Any, found: Moment) -> None:
+    objects, future = found.observation.objects, found.prediction
+    there = np.asarray(objects.valid)
+    boxes = np.column_stack([objects.position, objects.heading, objects.length, objects.width])[there]
+    draw_boxes(axes, boxes, OTHER)
+    for way, valid in zip(np.asarray(future.position), np.asarray(future.valid), strict=True):
+        if valid:
+            axes.plot(*way.T, ".", color=OTHER, ms=2.5, alpha=0.7, zorder=4)
+    draw_boxes(axes, found.ego[None], GOOD)
+
+
+def _fan(axes: Any, found: Moment) -> Any:
+    """Candidates as lines, the cheap ones on top."""
+    from matplotlib.collections import LineCollection
+
+    micro, lines = found.hard.micro, np.asarray(found.hard.fan.position)
+    broken = np.asarray(micro.reasons).any(1)
+    paid = np.asarray(micro.terms).sum(1)
+    axes.add_collection(LineCollection(list(lines[broken]), colors=INFEASIBLE, linewidths=0.7, zorder=2))
+    order = np.argsort(-paid[~broken])
+    over = paid[~broken] - paid[~broken].min(initial=np.inf) if (~broken).any() else paid[~broken]
+    shown = LineCollection(list(lines[~broken][order]), cmap="plasma_r", linewidths=1.2, zorder=3)
+    shown.set_array(over[order])
+    axes.add_collection(shown)
+    axes.plot(*np.asarray(micro.path.position).T, color=GOOD, lw=2.2, zorder=5)
+    return shown
