@@ -4,7 +4,7 @@ import json
 
 from urbanjax.io import cli, progress
 from urbanjax.io.runs import Run
-from urbanjax.io.studies import benchmark, registration_speed
+from urbanjax.io.studies import benchmark, candidates, registration_speed
 from urbanjax.io.studies.benchmark import BenchStudy
 
 
@@ -17,6 +17,9 @@ def main(params: BenchStudy, run: Run) -> None:
     columns = benchmark.table(numbers, params.batches)
     run.table("benchmark", columns)
     progress.show_table("benchmark", columns)
+    columns = candidates.times_table(numbers)
+    run.table("candidates", columns)
+    progress.show_table("candidates (warm medians)", columns)
     columns = registration_speed.table(numbers)
     run.table("registration", columns)
     progress.show_table("registration", columns)

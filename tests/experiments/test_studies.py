@@ -129,6 +129,7 @@ def test_table_of_the_highway_study(tmp_path):
 STUDIES = {
     "overtake": ("urbanjax.io.studies.overtake", "OvertakeStudy"),
     "highway": ("urbanjax.io.studies.highway", "HighwayStudy"),
+    "candidates": ("urbanjax.io.studies.candidates", "CandidateStudy"),
     "benchmark": ("urbanjax.io.studies.benchmark", "BenchStudy"),
     "demo": ("experiments.demo", "DemoStudy"),
     "localize": ("urbanjax.io.studies.localize.methods", "LocalizeStudy"),

@@ -10,10 +10,14 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
-from urbanjax.io.studies import precision, registration_speed, timing
+from urbanjax.io.studies import candidates, plan_speed, precision, registration_speed, timing
+from urbanjax.io.studies.candidates import CandidateStudy
+from urbanjax.io.studies.plan_speed import PlanSpeedStudy
 from urbanjax.io.studies.registration_speed import RegistrationStudy
+from urbanjax.roadmap.costs_to_go import costs_to_go
 from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.extended import ExtendParams
+from urbanjax.roadmap.route import RouteParams
 from urbanjax.sim import agents, metrics
 from urbanjax.sim import lanes as tables
 from urbanjax.sim import world as worlds
@@ -42,9 +46,12 @@ class BenchStudy:
     scenarios: int = static(default=64)  # of the simulator's batch
     sim_steps: int = static(default=100)  # policy steps of one simulation
     loop_steps: int = static(default=20)  # steps of one closed loop
+    goals: int = static(default=1000)  # to which the cost from every link is found
     repeats: int = static(default=30)  # of each step that is timed
     runs: int = static(default=5)  # of each simulation that is timed
     registration: RegistrationStudy = RegistrationStudy()
+    plan: PlanSpeedStudy = PlanSpeedStudy()
+    candidates: CandidateStudy = CandidateStudy(sweep=(20,))  # of `few`: no further sizes
     precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
     seed: int = static(default=0)
 
@@ -68,9 +75,14 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
     out = _stack_step(study, loop, course, lanes, starts, tick)
     out.update(_simulator(study, loop, course, lanes, starts, tick))
+    tick("one plan")
+    out.update(plan_speed.measure(study.plan, loop, course, lanes, jax.tree.map(lambda x: x[0], starts.world)))
+    tick("routing")
+    out.update(_routing(study, course))
     tick("decisions in float32 and float64")
     batch = jax.tree.map(lambda x: x[: study.scenarios], starts.world)
     out.update(precision.flips(loop, course, lanes, batch, study.precision_steps))
+    out.update(candidates.measure(study.candidates, tick))
     return out | registration_speed.measure(study.registration, tick)
 
 
@@ -99,6 +111,16 @@ def _stack_step(
         out[f"stack_step_b{size}_ms"] = 1e3 * statistics.median(samples)
         out[f"stack_step_b{size}_per_vehicle_ms"] = 1e3 * statistics.median(samples) / size
     return out
+
+
+def _routing(study: BenchStudy, course: Course) -> dict[str, float]:
+    """Goals per second to which the least cost from every link of the district is found, all of them at once."""
+    search, program = as_arrays(RouteParams()), jax.jit(costs_to_go)
+    goals = jnp.arange(study.goals, dtype=jnp.int32) % len(course.graph.length)
+    timing.seconds(program, course.graph, goals, search)
+    return {
+        "routing_goals_per_s": study.goals / timing.median(program, course.graph, goals, search, runs=study.repeats)
+    }
 
 
 def _simulator(
@@ -156,6 +178,7 @@ def table(numbers: dict[str, float], batches: Sequence[int]) -> dict[str, list[A
         ("simulator alone [vehicle-steps/s]", round(numbers["simulator_vehicle_steps_per_s"])),
         ("simulator with the stack [vehicle-steps/s]", round(numbers["closed_loop_vehicle_steps_per_s"])),
         ("closed loop, cold: compile and first run [s]", numbers["closed_loop_first_run_s"]),
+        ("cost to go from every link of the district [goals/s]", round(numbers["routing_goals_per_s"])),
     ]
     rows += [
         (f"float32 chooses another {name} [% of steps]", 100 * numbers[f"float32_flips_{name}_share"])

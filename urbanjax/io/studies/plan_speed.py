@@ -1,0 +1,64 @@
+"""How long one motion plan takes: macro plan, fan and choice, among as many objects as the stack looks at."""
+
+import statistics
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.io.studies import timing
+from urbanjax.planning import plan as plans
+from urbanjax.planning.prediction import predict
+from urbanjax.planning.primitives import PrimitiveParams
+from urbanjax.roadmap.course import Course
+from urbanjax.roadmap.extended import progress, window
+from urbanjax.roadmap.locate import locate
+from urbanjax.sim import world as worlds
+from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.rollout import LoopParams
+from urbanjax.sim.world import WorldState
+from urbanjax.types import as_arrays, pytree, static
+
+
+@pytree
+class PlanSpeedStudy:
+    """512 candidates: 8 offsets x 8 speeds x 8 durations."""
+
+    fan: PrimitiveParams = PrimitiveParams(
+        offsets=tuple(np.linspace(-1.4, 1.4, 8).round(2).tolist()),
+        speed_factors=tuple(np.linspace(0.3, 1.0, 8).round(2).tolist()),
+        durations=tuple(np.linspace(1.5, 5.0, 8).tolist()),
+    )
+    repeats: int = static(default=300)
+
+
+def measure(
+    study: PlanSpeedStudy, loop: LoopParams, course: Course, lanes: Lanes, world: WorldState
+) -> dict[str, float]:
+    """Milliseconds of one plan, by name: median, 99th percentile, and seconds of the first call."""
+    planning = as_arrays(loop.stack.planning.replace(primitives=study.fan))
+    vehicle, relaxation = loop.stack.vehicle, loop.stack.relaxation
+    seen = worlds.observe(loop.sim, lanes, world)
+    road = window(
+        course.extended, progress(course.extended, world.ego.position, world.ego.heading).station, loop.stack.window
+    )
+    here = progress(road, world.ego.position, world.ego.heading)
+    places = locate(course.graph, seen.objects.position, seen.objects.heading, params=loop.stack.locate)
+    future = predict(course.graph, seen.objects, places, planning.prediction)
+    arguments = (road, here, world.ego, future, as_arrays(plans.nothing(planning)), vehicle, planning, relaxation)
+    program = jax.jit(plans.plan)
+    first = timing.seconds(program, *arguments)
+    made, samples = program(*arguments), []
+    for _ in range(study.repeats):
+        began = time.perf_counter()
+        jax.block_until_ready(program(*arguments))
+        samples.append(1e3 * (time.perf_counter() - began))
+    return {
+        "plan_ms": statistics.median(samples),
+        "plan_p99_ms": float(np.percentile(samples, 99)),
+        "plan_first_s": first,
+        "plan_candidates": float(made.micro.cost.shape[0]),
+        "plan_objects": float(jnp.sum(seen.objects.valid)),
+        "plan_predicted_boxes": float(future.valid.shape[0]),
+    }
