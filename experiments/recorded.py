@@ -1,4 +1,7 @@
-"""Closed loop in the place of every recorded driver: `python -m experiments.recorded`."""
+"""Closed loop in the place of every recorded driver: `python -m experiments.recorded`.
+
+With `egos=problems` the planning problems of the CommonRoad files are driven instead.
+"""
 
 from urbanjax.io import cli, progress, report
 from urbanjax.io.runs import Run
@@ -28,6 +31,17 @@ def main(params: RecordedStudy, run: Run) -> None:
                 report.Picture(f"{scene.name}: the stack and the recorded drives", run.path(f"{scene.name}.png"))
             )
             run.table("drives", table.rows(drives))
+    if params.egos == "problems":
+        run.summary(table.problem_score(drives))
+        columns = table.problems(drives)
+        run.table("problems", columns)
+        progress.show_table("planning problems", columns)
+        items = [
+            report.Table("Planning problems, driven in closed loop among the recorded traffic", columns),
+            *pictures,
+        ]
+        _report(run, items)
+        return
     for name, part in table.scenes_of(drives).items():
         prefix = "" if name == table.ALL else f"{name.replace('-', '_')}_"
         run.summary({f"{prefix}{key}": value for key, value in table.score(part).items()})
@@ -39,7 +53,11 @@ def main(params: RecordedStudy, run: Run) -> None:
     figures.draw_summary(drives, run.path("recorded.png"))
     summary = report.Picture("Progress and comfort of every drive", run.path("recorded.png"))
     items = [report.Table(CAPTION, columns), report.Table("What went wrong", wrong), summary, *pictures]
-    section = report.Section("In the place of recorded drivers", [], items)
+    _report(run, items)
+
+
+def _report(run: Run, items: list) -> None:
+    section = report.Section("Among recorded traffic", [], items)
     report.write_report(run.path("report.html"), "urbanjax among recorded traffic", [section], run.manifest("complete"))
 
 

@@ -6,9 +6,9 @@ import jax
 import numpy as np
 import pytest
 
-from urbanjax.io.maps import Recording, RoadMap
+from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
 from urbanjax.io.studies.recorded import drive as driving
-from urbanjax.io.studies.recorded import figures, matching, scenes, study, table
+from urbanjax.io.studies.recorded import figures, goals, matching, scenes, study, table
 from urbanjax.io.studies.recorded.drive import Drive
 from urbanjax.io.studies.recorded.study import RecordedStudy
 from urbanjax.roadmap.builders import straight
@@ -18,6 +18,7 @@ from urbanjax.sim.rollout import LoopParams
 from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, RouteError
+from urbanjax.vehicle.params import VehicleParams
 
 LEFT, RIGHT = 3.5, 0.0  # m, y of the lanes
 STEPS = 41
@@ -92,10 +93,12 @@ def test_a_route_leads_on_and_changes_lanes_only_where_it_must(graph, scene):
     route = scene.starts[0].route
     links = np.asarray(route.link)[np.asarray(route.valid)]
     assert not np.asarray(route.change).any()
-    assert links[0] == scene.starts[0].links[0]
+    assert links[0] == scene.starts[0].link
     assert float(graph.length[links].sum()) >= 300.0
-    changed = scenes.find_route(graph, np.array([1, 0]))
-    assert not np.asarray(changed.change).any()
+    assert not np.asarray(scenes.find_route(graph, 1, (0, *scenes.beside(graph, 0))).change).any()
+    assert np.asarray(scenes.find_route(graph, 1, (0,)).change).sum() == 1
+    with pytest.raises(RouteError, match=r"none of the links \[0\] can be reached from link 2"):
+        scenes.find_route(graph, 2, (0,))
 
 
 def test_matching_follows_a_lane_change_and_ignores_noise(graph):
@@ -109,8 +112,47 @@ def test_matching_follows_a_lane_change_and_ignores_noise(graph):
 
 
 def test_nobody_to_replace_is_an_error(road):
-    with pytest.raises(RouteError, match=r"made_up\.xml: no recorded vehicle can be replaced"):
+    with pytest.raises(RouteError, match=r"made_up\.xml: nobody can be driven there"):
         scenes.prepare(road, ExtendParams(), 100.0)
+
+
+def problem(goal: Goal, y=RIGHT) -> PlanningProblem:
+    return PlanningProblem(5, (30.0, y), 0.0, 10.0, 0.0, (goal,))
+
+
+def test_a_planning_problem_is_driven_by_the_stacks_own_vehicle_to_its_goal(road):
+    goal = Goal(regions=(Region((200.0, LEFT), length=10.0, width=3.0),), time=(0.0, 15.0))
+    own = VehicleParams(length=5.5)
+    posed = scenes.problems(dataclasses.replace(road, problems=(problem(goal),)), ExtendParams(spacing=2.0), own)
+    (start,) = posed.starts
+    assert (start.index, start.first, start.steps, start.link) == (None, 0, 151, 1)
+    assert np.asarray(start.route.change).sum() == 1
+    assert bool(np.asarray(posed.replay.valid)[0].T[0].all())
+    np.testing.assert_allclose(posed.vehicle.length, [5.5])
+    np.testing.assert_allclose(posed.ego.position[0], [30.0 - own.centre_offset, RIGHT], atol=1e-5)
+    with pytest.raises(RouteError, match="begins off the road"):
+        scenes.problems(dataclasses.replace(road, problems=(problem(goal, y=50.0),)), ExtendParams())
+
+
+@pytest.mark.parametrize(
+    ("goal", "reached"),
+    [
+        (Goal(regions=(Region((20.0, 0.0), length=4.0, width=2.0),)), True),
+        (Goal(regions=(Region((20.0, 3.0), length=4.0, width=2.0),)), False),
+        (Goal(regions=(Region((20.0, 0.5), radius=1.0),)), True),
+        (Goal(regions=(Region((0.0, 0.0), corners=np.array([[18, -1], [22, -1], [20, 2]])),)), True),
+        (Goal(regions=(Region((20.0, 0.0), length=4.0, width=2.0),), time=(0.0, 1.0)), False),
+        (Goal(time=(1.9, 2.1), speed=(9.0, 11.0), heading=(-0.1, 0.1)), True),
+        (Goal(heading=(3.0, 3.3)), False),
+        (Goal(links=(1,)), True),
+        (Goal(links=(0,)), False),
+    ],
+)
+def test_a_goal_holds_where_all_that_it_names_holds(graph, scene, goal, reached):
+    x = np.arange(41.0)
+    path = np.stack([x, 0 * x, 0 * x], axis=1)
+    start = dataclasses.replace(scene.starts[0], goals=(goal,))
+    assert goals.reached(start, graph, path, np.full(41, 10.0), 0.1) == reached
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -31,7 +31,7 @@ from urbanjax.sim.world import SimParams, WorldState
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
 
-AHEAD, BEHIND, ASIDE = 75.0, 12.0, 14.0  # m shown around the ego
+AHEAD, BEHIND, ASIDE = 75.0, 12.0, 9.0  # m shown around the ego, at least
 INFEASIBLE = "#c9c9c9"
 QUICK = {"xla_backend_optimization_level": 1}
 
@@ -46,7 +46,7 @@ class PlanStudy:
     extend: ExtendParams = ExtendParams()
     period: float = 0.1  # s, of one stack step
     time: float = field(default=2.0, metadata={"range": (0.0, 1e3)})  # s driven before
-    temperature: float = 0.3  # of the soft plan whose marginals are drawn
+    temperature: float = 2.0  # of the soft plan whose marginals are drawn
     seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
     file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
     vehicle: str = static(default="", metadata={"path": True})  # who is replaced there, by default the first
@@ -129,7 +129,7 @@ def _plan(
 
 def draw(found: Moment, path: Path) -> None:
     """Above the fan by cost, below the macro lattice by the marginals of the soft plan."""
-    with figure(path, 10.5, 6.2) as canvas:
+    with figure(path, 10.5, 5.4) as canvas:
         upper, lower = canvas.subplots(2, 1)
         for axes in (upper, lower):
             draw_road(axes, found.course.graph)
@@ -151,6 +151,7 @@ def _around(axes: Any, ego: np.ndarray) -> None:
     corners = ego[:2] + np.array([s * ahead + t * aside for s in (-BEHIND, AHEAD) for t in (-ASIDE, ASIDE)])
     low, high = corners.min(0), corners.max(0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_aspect("equal", adjustable="datalim")
 
 
 def _traffic(axes: Any, found: Moment) -> None:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from urbanjax.io.studies.recorded import goals
 from urbanjax.io.studies.recorded.scenes import Scene
 from urbanjax.roadmap.course import Course
 from urbanjax.roadmap.extended import ExtendedGraph, progress
@@ -28,7 +29,10 @@ QUICK = {"xla_backend_optimization_level": 1}
 
 @dataclasses.dataclass(frozen=True)
 class Drive:
-    """One drive of the stack beside the recorded one; arrays over the T steps that the record lasts."""
+    """One drive of the stack beside the recorded one; arrays over the T steps that it lasts.
+
+    A planning problem has no recorded drive: its way is NaN, its arrays are empty.
+    """
 
     scene: str
     name: str
@@ -47,6 +51,7 @@ class Drive:
     width: float  # m
     decision: np.ndarray  # [T] index of the tree's outcome
     period: float  # s
+    reached: bool | None = None  # the goal of a planning problem
 
     @property
     def failure(self) -> str | None:
@@ -77,7 +82,7 @@ def worlds_of(loop: LoopParams, scene: Scene) -> WorldState:
     """The worlds at the starts, [E, ...]: recorded road users only."""
     count = len(scene.starts)
     nobody = traffic(jnp.zeros(1, jnp.int32), jnp.zeros(1), jnp.zeros(1), 1.0, loop.sim.traffic, jnp.zeros(1, bool))
-    links = jnp.asarray([start.links[0] for start in scene.starts], jnp.int32)
+    links = jnp.asarray([start.link for start in scene.starts], jnp.int32)
     times = jnp.asarray([start.first * scene.recording.dt for start in scene.starts])
     shared = jax.tree.map(
         lambda x: jnp.broadcast_to(x, (count, *x.shape)), (nobody, always_green(scene.graph.n_signals))
@@ -122,9 +127,15 @@ def _all(
 def _read(scene: Scene, k: int, log: Log, trace: Trace, collision: Collision, off_road: Any, station: Any) -> Drive:
     start, recording = scene.starts[k], scene.recording
     n, span = start.steps, slice(start.first, start.first + start.steps)
-    human = np.column_stack([recording.position[start.index, span], recording.heading[start.index, span]])
-    extended = jax.tree.map(lambda x: x[k], scene.extended)
-    ends = [float(_station(extended, *as_arrays((human[i, :2], human[i, 2])))) for i in (0, -1)]
+    human, speeds, human_way = np.zeros((0, 3)), np.zeros(0), float("nan")
+    if start.index is not None:
+        human = np.column_stack([recording.position[start.index, span], recording.heading[start.index, span]])
+        speeds = recording.speed[start.index, span]
+        extended = jax.tree.map(lambda x: x[k], scene.extended)
+        first, last = (float(_station(extended, *as_arrays((human[i, :2], human[i, 2])))) for i in (0, -1))
+        human_way = last - first
+    path = np.column_stack([log.centre, log.ego.heading])[:n]
+    speed = np.asarray(log.ego.speed)[:n]
     touched = int(collision.contact) != Contact.NONE
     return Drive(
         scene=scene.name,
@@ -135,15 +146,16 @@ def _read(scene: Scene, k: int, log: Log, trace: Trace, collision: Collision, of
         contact_with=str(recording.ids[int(collision.other) - 1]) if touched else None,
         off_road=bool(off_road),
         way=float(station[n - 1] - station[0]),
-        human_way=ends[1] - ends[0],
-        path=np.column_stack([log.centre, log.ego.heading])[:n],
-        speed=np.asarray(log.ego.speed)[:n],
+        human_way=human_way,
+        path=path,
+        speed=speed,
         human_path=human,
-        human_speed=recording.speed[start.index, span],
-        length=float(recording.length[start.index]),
-        width=float(recording.width[start.index]),
+        human_speed=speeds,
+        length=float(jnp.asarray(scene.vehicle.length)[k]),
+        width=float(jnp.asarray(scene.vehicle.width)[k]),
         decision=np.asarray(trace.decision).argmax(-1)[:n],
         period=float(recording.dt),
+        reached=goals.reached(start, scene.graph, path, speed, float(recording.dt)) if start.goals else None,
     )
 
 

@@ -18,7 +18,7 @@ MARKERS = "osD^vP*X"
 
 def draw_scene(scene: Scene, drives: Sequence[Drive], path: Path) -> None:
     """The map around the recorded drives, with every drive of the stack over its recorded one."""
-    tracks = np.concatenate([d.human_path[:, :2] for d in drives])
+    tracks = np.concatenate([(d.human_path if len(d.human_path) else d.path)[:, :2] for d in drives])
     low, high = tracks.min(0) - MARGIN, tracks.max(0) + MARGIN
     size = 10.0 / max(high - low) * (high - low)
     with figure(path, max(size[0], 4.0) + 0.8, max(size[1], 2.2) + 0.6) as canvas:
@@ -26,7 +26,8 @@ def draw_scene(scene: Scene, drives: Sequence[Drive], path: Path) -> None:
         draw_road(axes, scene.graph)
         for i, drive in enumerate(drives):
             colour = BAD if drive.at_fault else GOOD
-            axes.plot(*drive.human_path[:, :2].T, color=OTHER, lw=2.6, alpha=0.6, label=None if i else "recorded")
+            if len(drive.human_path):
+                axes.plot(*drive.human_path[:, :2].T, color=OTHER, lw=2.6, alpha=0.6, label=None if i else "recorded")
             axes.plot(*drive.path[:, :2].T, color=colour, lw=1.1, label=None if i else "stack")
             _box(axes, drive.path[-1], drive, colour)
             if drive.contact_time is not None:

@@ -5,6 +5,7 @@ import numpy as np
 from urbanjax.roadmap.graph import RoadGraph
 
 FARTHEST = 6.0  # m from a link's centre line, beyond which nobody is on it
+CLOSE = 3.0  # m, within which a place may be on a link
 HEADING = 4.0  # m per squared rad of deviation from the link's direction
 JUMP = 1e3  # m, for going on on a link that does not follow
 SIDE = 3.0  # m, for a change of lanes
@@ -30,6 +31,15 @@ def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.nda
     for best in reversed(back):
         links.append(int(best[links[-1]]))
     return np.array(links[::-1])
+
+
+def near(graph: RoadGraph, position: np.ndarray, heading: float | None) -> list[int]:
+    """Links within 3 m of a place [2] (m) and along its heading (rad, None: any), the best fit first."""
+    if heading is None:
+        fits = np.min([_misfit(graph, position[None], np.array([a]))[0] for a in np.arange(0, 2 * np.pi, 0.3)], axis=0)
+    else:
+        fits = _misfit(graph, position[None], np.array([heading]))[0]
+    return [int(link) for link in np.argsort(fits, kind="stable") if fits[link] < CLOSE]
 
 
 def _misfit(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -9,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.geometry.boxes import overlap
-from urbanjax.io.maps import Recording, RoadMap
-from urbanjax.io.studies.recorded.matching import match
+from urbanjax.io.maps import Goal, PlanningProblem, Recording, RoadMap
+from urbanjax.io.studies.recorded.matching import match, near
 from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, extend, sized
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.route import Route, RouteParams, route_between
@@ -25,14 +26,18 @@ LONG_ROUTE = 64  # links
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """One recorded drive that the stack is to repeat."""
+    """Where one drive of the stack begins, and how long it lasts."""
 
-    index: int  # among the recorded road users
+    index: int | None  # among the recorded road users, whom it replaces; None for a planning problem
     name: str
-    first: int  # step at which its record begins
+    first: int  # step of the recording
     steps: int  # that it lasts
+    pose: np.ndarray  # [3] x, y (m), heading (rad) of the box centre
+    speed: float  # m/s
+    size: tuple[float, float] | None  # m, length and width; None: the stack's own
+    link: int
     route: Route
-    links: np.ndarray  # [n] that the recorded vehicle drove on
+    goals: tuple[Goal, ...] = ()  # of a planning problem
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,10 +55,12 @@ class Scene:
     vehicle: VehicleParams  # [E, ...]
 
 
-def prepare(road: RoadMap, params: ExtendParams, shortest: float) -> Scene:
-    """Every recorded vehicle that moves, lasts `shortest` s, and overlaps no other in the recording."""
-    recording = road.recording
-    mine, left_out = [], {}
+def prepare(road: RoadMap, params: ExtendParams, shortest: float, vehicle: VehicleParams | None = None) -> Scene:
+    """Every recorded vehicle that moves, lasts `shortest` s, and overlaps no other in the recording.
+
+    Raises RouteError where there is none.
+    """
+    recording, starts, left_out = road.recording, [], {}
     touching = _overlapping(recording)
     for v, name in enumerate(str(i) for i in recording.ids):
         steps = int(recording.valid[v].sum())
@@ -62,50 +69,106 @@ def prepare(road: RoadMap, params: ExtendParams, shortest: float) -> Scene:
         if touching[v] is not None:
             left_out[name] = f"overlaps {recording.ids[touching[v]]} in the recording"
             continue
-        first = int(recording.valid[v].argmax())
-        span = slice(first, first + steps)
-        links = match(road.graph, recording.position[v, span], recording.heading[v, span])
-        if links is None:
-            left_out[name] = "leaves the map"
-            continue
         try:
-            route = find_route(road.graph, links)
+            starts.append(_replaced(road, v, name, steps))
         except RouteError as error:
-            left_out[name] = f"no route: {error}"
-            continue
-        mine.append(Start(v, name, first, steps, route, links))
-    if not mine:
-        raise RouteError(f"{road.path}: no recorded vehicle can be replaced ({left_out or 'none lasts long enough'})")
-    sizes = [sized(road.graph, start.route, params) for start in mine]
-    largest = params.replace(n_stations=max(s.n_stations for s in sizes), n_stops=max(s.n_stops for s in sizes))
-    tables = [_extend(road.graph, start.route, as_arrays(largest)) for start in mine]
-    return Scene(
-        name=road.path.stem,
-        graph=road.graph,
-        recording=recording,
-        starts=tuple(mine),
-        left_out=left_out,
-        extended=_stack(tables),
-        replay=_stack([replay_without(recording, start.index) for start in mine]),
-        ego=_stack([ego_of(recording, start) for start in mine]),
-        vehicle=_stack([vehicle_of(recording, start.index) for start in mine]),
+            left_out[name] = str(error)
+    return _scene(road, starts, left_out, params, vehicle)
+
+
+def _replaced(road: RoadMap, v: int, name: str, steps: int) -> Start:
+    """The start in the place of one recorded vehicle. Raises RouteError where there is no route."""
+    graph, recording = road.graph, road.recording
+    first = int(recording.valid[v].argmax())
+    span = slice(first, first + steps)
+    position, heading = recording.position[v, span], recording.heading[v, span]
+    links = match(graph, position, heading)
+    if links is None:
+        raise RouteError("leaves the map")
+    # Along the roads that were driven, without the lane changes that can be done without.
+    last = int(links[-1])
+    return Start(
+        index=v,
+        name=name,
+        first=first,
+        steps=steps,
+        pose=np.array([*position[0], heading[0]]),
+        speed=float(recording.speed[v, first]),
+        size=(float(recording.length[v]), float(recording.width[v])),
+        link=int(links[0]),
+        route=find_route(graph, int(links[0]), (last, *beside(graph, last))),
     )
 
 
-def find_route(graph: RoadGraph, links: np.ndarray) -> Route:
-    """The route along the roads that were driven, without the lane changes that it can do without.
+def problems(road: RoadMap, params: ExtendParams, vehicle: VehicleParams | None = None) -> Scene:
+    """The planning problems of a CommonRoad file, each driven as long as its goals or the recording last.
 
-    From the first link to the last one or a lane beside it, whichever costs least, and on for 200 m. Raises
-    RouteError where none of these can be reached.
+    The goal is a link of a goal, or the nearest one to its region; a problem without either goes on along its lane.
+    Raises RouteError where there is none.
     """
-    params = RouteParams(n_links=LONG_ROUTE)
-    start, goal = int(links[0]), int(links[-1])
-    found: list[Route] = []
-    for lane in (goal, *_beside(graph, goal)):
+    starts, left_out = [], {}
+    for problem in road.problems:
+        try:
+            starts.append(_posed(road, problem))
+        except RouteError as error:
+            left_out[str(problem.id)] = str(error)
+    return _scene(road, starts, left_out, params, vehicle)
+
+
+def _posed(road: RoadMap, problem: PlanningProblem) -> Start:
+    graph, recording = road.graph, road.recording
+    own = near(graph, np.array(problem.position), problem.heading)
+    if not own:
+        raise RouteError("begins off the road")
+    places = [np.array(region.centre) for goal in problem.goals for region in goal.regions]
+    goals = [link for goal in problem.goals for link in goal.links]
+    goals += [link for place in places for link in near(graph, place, None)[:1]]
+    routes: list[tuple[int, Route]] = []
+    for link in own:
         with contextlib.suppress(RouteError):
-            found.append(route_between(graph, start, lane, params=params))
+            routes.append((link, find_route(graph, link, goals or (link,))))
+    if not routes:
+        raise RouteError(f"none of the links {goals} can be reached")
+    link, route = min(routes, key=lambda pair: float(pair[1].cost))
+    ends = [goal.time[1] for goal in problem.goals if goal.time is not None]
+    first = round(problem.time / recording.dt)
+    last = max([recording.n_times - 1, *(round(end / recording.dt) for end in ends)])
+    pose = np.array([*problem.position, problem.heading])
+    return Start(
+        None, f"problem {problem.id}", first, last - first + 1, pose, problem.speed, None, link, route, problem.goals
+    )
+
+
+def _scene(
+    road: RoadMap, starts: list[Start], left_out: dict[str, str], params: ExtendParams, vehicle: VehicleParams | None
+) -> Scene:
+    if not starts:
+        raise RouteError(f"{road.path}: nobody can be driven there ({left_out or 'none lasts long enough'})")
+    sizes = [sized(road.graph, start.route, params) for start in starts]
+    largest = params.replace(n_stations=max(s.n_stations for s in sizes), n_stops=max(s.n_stops for s in sizes))
+    vehicles = [vehicle_of(start, vehicle or VehicleParams()) for start in starts]
+    return Scene(
+        name=road.path.stem,
+        graph=road.graph,
+        recording=road.recording,
+        starts=tuple(starts),
+        left_out=left_out,
+        extended=_stack([_extend(road.graph, start.route, as_arrays(largest)) for start in starts]),
+        replay=_stack([replay_without(road.recording, start.index) for start in starts]),
+        ego=_stack([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
+        vehicle=_stack(vehicles),
+    )
+
+
+def find_route(graph: RoadGraph, start: int, goals: Sequence[int]) -> Route:
+    """The cheapest route from a link to one of `goals`, and on for 200 m. Raises RouteError where none is reached."""
+    params = RouteParams(n_links=LONG_ROUTE)
+    found: list[Route] = []
+    for goal in goals:
+        with contextlib.suppress(RouteError):
+            found.append(route_between(graph, start, goal, params=params))
     if not found:
-        raise RouteError(f"neither link {goal} nor a lane beside it can be reached from link {start}")
+        raise RouteError(f"none of the links {list(goals)} can be reached from link {start}")
     best = min(found, key=lambda route: float(route.cost))
     last = int(best.link[int(best.valid.sum()) - 1])
     beyond = _onwards(graph, last)
@@ -115,7 +178,7 @@ def find_route(graph: RoadGraph, links: np.ndarray) -> Route:
     return route_between(graph, start, beyond, via, params=params)
 
 
-def _beside(graph: RoadGraph, link: int) -> list[int]:
+def beside(graph: RoadGraph, link: int) -> list[int]:
     """The lanes beside a link in its direction."""
     lanes = []
     for side, there in ((graph.left_link, graph.has_left), (graph.right_link, graph.has_right)):
@@ -168,10 +231,11 @@ def _overlapping(recording: Recording) -> list[int | None]:
 _overlaps = jax.jit(overlap)
 
 
-def replay_without(recording: Recording, index: int) -> Replay:
+def replay_without(recording: Recording, index: int | None) -> Replay:
     """The recording as a replay, without one road user."""
     valid = recording.valid.T.copy()
-    valid[:, index] = False
+    if index is not None:
+        valid[:, index] = False
     rows: dict[str, Any] = {
         "position": recording.position.transpose(1, 0, 2),
         "heading": recording.heading.T,
@@ -184,29 +248,24 @@ def replay_without(recording: Recording, index: int) -> Replay:
     return Replay(**as_arrays(rows))
 
 
-def vehicle_of(recording: Recording, index: int) -> VehicleParams:
-    """A vehicle of the recorded size."""
-    length = float(recording.length[index])
+def vehicle_of(start: Start, own: VehicleParams) -> VehicleParams:
+    """A vehicle of the recorded size, or the stack's own."""
+    if start.size is None:
+        return as_arrays(own)
+    length, width = start.size
     return as_arrays(
-        VehicleParams(
-            wheelbase=WHEELBASE * length,
-            length=length,
-            width=float(recording.width[index]),
-            rear_overhang=OVERHANG * length,
-        )
+        own.replace(wheelbase=WHEELBASE * length, length=length, width=width, rear_overhang=OVERHANG * length)
     )
 
 
-def ego_of(recording: Recording, start: Start) -> VehicleState:
-    """The recorded vehicle at its first step; the reference point is the rear axle."""
-    v, t = start.index, start.first
-    heading = float(recording.heading[v, t])
-    back = (0.5 - OVERHANG) * float(recording.length[v])
-    centre = recording.position[v, t]
+def ego_of(start: Start, vehicle: VehicleParams) -> VehicleState:
+    """The vehicle at the start; the reference point is the rear axle."""
+    heading = float(start.pose[2])
+    back = float(vehicle.centre_offset)
     state: dict[str, Any] = {
-        "position": centre - back * np.array([np.cos(heading), np.sin(heading)]),
+        "position": start.pose[:2] - back * np.array([np.cos(heading), np.sin(heading)]),
         "heading": heading,
-        "speed": max(float(recording.speed[v, t]), 0.0),
+        "speed": max(start.speed, 0.0),
         "acceleration": 0.0,
         "steering": 0.0,
     }

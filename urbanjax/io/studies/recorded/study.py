@@ -6,7 +6,7 @@ from pathlib import Path
 
 from urbanjax.io import maps
 from urbanjax.io.studies.recorded.drive import Drive, drive
-from urbanjax.io.studies.recorded.scenes import Scene, prepare
+from urbanjax.io.studies.recorded.scenes import Scene, prepare, problems
 from urbanjax.roadmap.extended import ExtendParams
 from urbanjax.sim.rollout import LoopParams
 from urbanjax.sim.world import SimParams
@@ -14,6 +14,7 @@ from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, field, pytree, static
 
 BESIDE = Path(__file__).resolve().parents[5] / "shared" / "data"  # where the data is without $URBANJAX_DATA
+EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
 NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
 
 
@@ -27,6 +28,7 @@ class RecordedStudy:
     period: float = 0.1  # s, of one stack step
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
     folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
+    egos: str = static(default="vehicles", metadata={"choices": EGOS})
     files: tuple[str, ...] = static(default=NGSIM)  # names without .xml
 
 
@@ -49,6 +51,12 @@ def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tup
     road = maps.read(path)
     if road.recording is None:
         raise ConfigError(f"{path} holds no recorded traffic: choose other 'files'")
-    scene = prepare(road, study.extend, float(study.shortest))
+    if abs(road.recording.dt - float(study.period)) > 1e-6:
+        raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
+    vehicle = study.stack.vehicle
+    if study.egos == "problems":
+        scene = problems(road, study.extend, vehicle)
+    else:
+        scene = prepare(road, study.extend, float(study.shortest), vehicle)
     tick(f"{path.stem}: {len(scene.starts)} drives")
     return scene, drive(LoopParams(study.stack, study.sim, study.period), scene)

@@ -79,6 +79,30 @@ def table(drives: Sequence[Drive]) -> dict[str, list[Any]]:
     }
 
 
+def problems(drives: Sequence[Drive]) -> dict[str, list[Any]]:
+    """One row per planning problem."""
+    return {
+        "scenario": [d.scene for d in drives],
+        "drive": [d.name for d in drives],
+        "duration [s]": [(len(d.speed) - 1) * d.period for d in drives],
+        "collision at fault": [d.at_fault for d in drives],
+        "off the road": [d.off_road for d in drives],
+        "goal reached": [d.reached for d in drives],
+        "progress [m]": [d.way for d in drives],
+        "mean speed [m/s]": [float(d.speed.mean()) for d in drives],
+    }
+
+
+def problem_score(drives: Sequence[Drive]) -> dict[str, float]:
+    """Shares of the planning problems: name with unit to value."""
+    return {
+        "problems": float(len(drives)),
+        "no_at_fault_collision_percent": 100 * float(np.mean([not d.at_fault for d in drives])),
+        "off_road_percent": 100 * float(np.mean([d.off_road for d in drives])),
+        "goal_reached_percent": 100 * float(np.mean([bool(d.reached) for d in drives])),
+    }
+
+
 def failures(drives: Sequence[Drive], left_out: dict[str, dict[str, str]]) -> dict[str, list[str]]:
     """Every drive with a contact or off the road, and every vehicle left out, with the reason."""
     rows = [
@@ -107,5 +131,5 @@ def rows(drives: Sequence[Drive]) -> dict[str, list[Any]]:
         "progress_m": [d.way for d in drives],
         "human_progress_m": [d.human_way for d in drives],
         "mean_speed_mps": [float(d.speed.mean()) for d in drives],
-        "human_mean_speed_mps": [float(d.human_speed.mean()) for d in drives],
+        "human_mean_speed_mps": [float(np.mean(d.human_speed)) if len(d.human_speed) else None for d in drives],
     }
