@@ -6,6 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.geometry.boxes import Box, relaxed_box_gap
 from urbanjax.numerics import safe, soft
+from urbanjax.numerics.once import once
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import product
 from urbanjax.planning.prediction import time_weights
@@ -31,21 +32,17 @@ class Passage:
     position: Array  # [n, 2] m, rear axle
     heading: Array  # [n] rad
     time: Array  # [n] s
-    step: Array  # [n] m, distance between consecutive points; 0 where only the points themselves count
-    step_time: Array  # [n] s, time for it
+    step: Array | None = None  # [n] m, distance between consecutive points; None: only the points themselves count
+    step_time: Array | None = None  # [n] s, time for it
 
 
 def ego_boxes(passage: Passage, vehicle: VehicleParams, origin: Float[Array, "2"]) -> Box:
     """Boxes [n] of the ego at the points of a passage, relative to `origin` (m)."""
     cos, sin = jnp.cos(passage.heading), jnp.sin(passage.heading)
-    return Box(
-        x=passage.position[:, 0] - origin[0] + vehicle.centre_offset * cos,
-        y=passage.position[:, 1] - origin[1] + vehicle.centre_offset * sin,
-        cos=cos,
-        sin=sin,
-        half_length=jnp.asarray(vehicle.length / 2, cos.dtype),
-        half_width=jnp.asarray(vehicle.width / 2, cos.dtype),
-    )
+    x = passage.position[:, 0] - origin[0] + vehicle.centre_offset * cos
+    y = passage.position[:, 1] - origin[1] + vehicle.centre_offset * sin
+    half_length, half_width = (jnp.asarray(size / 2, cos.dtype) for size in (vehicle.length, vehicle.width))
+    return Box(*once(x, y, cos, sin), half_length=half_length, half_width=half_width)
 
 
 def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Float[Array, "2"]) -> Box:
@@ -53,10 +50,11 @@ def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Flo
 
     The heading is interpolated as a unit vector, which spares trigonometry for each box.
     """
-    local = prediction.position - origin[None, None, :]
-    table = jnp.stack([local[..., 0], local[..., 1], jnp.cos(prediction.heading), jnp.sin(prediction.heading)])
-    sampled = product(time_weights(prediction, time), table.transpose(2, 0, 1))
-    x, y, cos, sin = (sampled[:, i] for i in range(4))
+    local, heading = prediction.position - origin[None, None, :], prediction.heading
+    weights = time_weights(prediction, time)
+    x, y, cos, sin = (
+        product(weights, values.T) for values in (local[..., 0], local[..., 1], jnp.cos(heading), jnp.sin(heading))
+    )
     size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)
     half_length, half_width = prediction.length[None, :] / 2, prediction.width[None, :] / 2
     return Box(x=x, y=y, cos=cos * size, sin=sin * size, half_length=half_length, half_width=half_width)
@@ -78,9 +76,11 @@ def gaps(
     """
     origin = passage.position[0]
     ego, other = ego_boxes(passage, vehicle, origin), predicted_boxes(prediction, passage.time, origin)
-    along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
-    swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
-    half_length = ego.half_length + params.margin + jnp.abs(swept) / 2
+    half_length = ego.half_length + params.margin
+    if passage.step is not None and passage.step_time is not None:
+        along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
+        swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
+        half_length = half_length + jnp.abs(swept) / 2
     ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
     room = relaxed_box_gap(ego, other, relaxation, params.gap_scale) + params.far * ignored[None, :]
     return jnp.minimum(jnp.where(prediction.valid[None, :], room, params.far), params.far)

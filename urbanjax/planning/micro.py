@@ -159,8 +159,7 @@ def clearance(
 ) -> Float[Array, "j k"]:
     """Smallest gap [J, K] (m) from the ego's box at each point, when it is passed, to any predicted box."""
     time = fan.time.reshape(-1)
-    still = jnp.zeros_like(time)
-    passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time, step=still, step_time=still)
+    passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time)
     room = gaps(passage, prediction, fan.follower, vehicle, params.clearance, relaxation)
     return soft.minimum(room, relaxation, params.clearance.gap_scale).reshape(fan.time.shape)
 

@@ -175,6 +175,8 @@ def table(numbers: dict[str, float], batches: Sequence[int]) -> dict[str, list[A
     rows = [(f"stack.step, {n} at once [ms]", numbers[f"stack_step_b{n}_ms"]) for n in batches]
     rows += [
         ("stack.step, cold: compile and first step [s]", numbers["stack_first_step_s"]),
+        (f"one plan of {numbers['plan_candidates']:.0f} candidates [ms]", numbers["plan_ms"]),
+        ("the same, 99th percentile [ms]", numbers["plan_p99_ms"]),
         ("simulator alone [vehicle-steps/s]", round(numbers["simulator_vehicle_steps_per_s"])),
         ("simulator with the stack [vehicle-steps/s]", round(numbers["closed_loop_vehicle_steps_per_s"])),
         ("closed loop, cold: compile and first run [s]", numbers["closed_loop_first_run_s"]),

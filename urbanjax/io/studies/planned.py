@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from urbanjax import stack
@@ -31,7 +32,7 @@ from urbanjax.sim.world import SimParams, WorldState
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
 
-AHEAD, BEHIND, ASIDE = 75.0, 12.0, 9.0  # m shown around the ego, at least
+AHEAD, BEHIND, ASIDE = 75.0, 12.0, 10.0  # m shown around the ego
 INFEASIBLE = "#c9c9c9"
 QUICK = {"xla_backend_optimization_level": 1}
 
@@ -49,7 +50,7 @@ class PlanStudy:
     temperature: float = 2.0  # of the soft plan whose marginals are drawn
     seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
     file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
-    vehicle: str = static(default="", metadata={"path": True})  # who is replaced there, by default the first
+    vehicle: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,10 +99,10 @@ def _scene(study: PlanStudy) -> tuple[LoopParams, Course, Lanes, WorldState]:
     if road.recording is None:
         raise ConfigError(f"{study.file} holds no recorded traffic: choose another 'file'")
     scene = scenes.prepare(road, study.extend, 1.0)
-    names = [start.name for start in scene.starts]
-    if study.vehicle and study.vehicle not in names:
-        raise ConfigError(f"'vehicle' {study.vehicle!r} cannot be replaced in {study.file}: use one of {names}")
-    k = names.index(study.vehicle) if study.vehicle else 0
+    names, wanted = [start.name for start in scene.starts], str(study.vehicle)
+    if study.vehicle and wanted not in names:
+        raise ConfigError(f"'vehicle' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")
+    k = names.index(wanted) if study.vehicle else 0
     lanes = tables.from_graph(scene.graph)
     extended, world, vehicle = jax.tree.map(
         lambda x: x[k], (scene.extended, drive.worlds_of(loop, scene), scene.vehicle)
@@ -127,9 +128,36 @@ def _plan(
     return road, future, made
 
 
-def draw(found: Moment, path: Path) -> None:
-    """Above the fan by cost, below the macro lattice by the marginals of the soft plan."""
-    with figure(path, 10.5, 5.4) as canvas:
+def seen_from_ego(found: Moment) -> Moment:
+    """The same moment in the ego's frame: x ahead and y to the left of its centre."""
+    x, y, angle = found.ego[:3]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def moved(points: Any) -> Any:
+        return jnp.asarray((np.asarray(points, float) - [x, y]) @ turn)
+
+    graph, road, objects = found.course.graph, found.window, found.observation.objects
+    hard, path = found.hard, found.hard.micro.path
+    return dataclasses.replace(
+        found,
+        course=found.course.replace(graph=graph.replace(left=moved(graph.left), right=moved(graph.right))),
+        window=road.replace(position=moved(road.position), heading=road.heading - angle),
+        observation=found.observation.replace(
+            objects=objects.replace(position=moved(objects.position), heading=objects.heading - angle)
+        ),
+        ego=np.array([0.0, 0.0, 0.0, *found.ego[3:]]),
+        prediction=found.prediction.replace(position=moved(found.prediction.position)),
+        hard=hard.replace(
+            fan=hard.fan.replace(position=moved(hard.fan.position)),
+            micro=hard.micro.replace(path=path.replace(position=moved(path.position))),
+        ),
+    )
+
+
+def draw(moment: Moment, path: Path) -> None:
+    """Above the fan by cost, below the macro lattice by the marginals of the soft plan, in the ego's frame."""
+    found = seen_from_ego(moment)
+    with figure(path, 10.5, 5.6) as canvas:
         upper, lower = canvas.subplots(2, 1)
         for axes in (upper, lower):
             draw_road(axes, found.course.graph)
@@ -141,17 +169,7 @@ def draw(found: Moment, path: Path) -> None:
         canvas.colorbar(bar, ax=lower, label="marginal of the node", pad=0.01)
         lower.set_title("b  macro lattice, marginals of the soft plan")
         for axes in (upper, lower):
-            _around(axes, found.ego)
-
-
-def _around(axes: Any, ego: np.ndarray) -> None:
-    """What lies ahead of the ego fills the picture."""
-    ahead = np.array([np.cos(ego[2]), np.sin(ego[2])])
-    aside = np.array([-ahead[1], ahead[0]])
-    corners = ego[:2] + np.array([s * ahead + t * aside for s in (-BEHIND, AHEAD) for t in (-ASIDE, ASIDE)])
-    low, high = corners.min(0), corners.max(0)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_aspect("equal", adjustable="datalim")
+            axes.set(xlim=(-BEHIND, AHEAD), ylim=(-ASIDE, ASIDE), xlabel="ahead [m]", ylabel="left [m]")
 
 
 def _traffic(axes: Any, found: Moment) -> None:
