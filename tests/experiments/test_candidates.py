@@ -37,6 +37,8 @@ def test_durations_are_samples_up_to_the_horizon(durations):
 
 @pytest.mark.parametrize("shape", [(0, 3, 4), (21, 3, 4), (5, 0, 4), (5, 3, 0)])
 def test_grids_that_cannot_be_are_refused(shape):
+    with pytest.raises(ConfigError, match="numbers of durations, speeds and offsets, not \\[1, 2\\]"):
+        candidates.grid((1, 2))
     with pytest.raises(ConfigError, match="use 1 to 20 durations"):
         candidates.grid(shape)
 

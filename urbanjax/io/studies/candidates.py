@@ -48,6 +48,8 @@ class CandidateStudy:
 
 def grid(shape: tuple[int, ...]) -> EndGrid:
     """So many durations (multiples of the period up to 3 s), speeds (4 to 14 m/s) and offsets (-3 to 3 m)."""
+    if len(shape) != 3:
+        raise ConfigError(f"'few' and 'many' are numbers of durations, speeds and offsets, not {list(shape)}")
     n, v, d = shape
     if not 1 <= n <= 20 or min(v, d) < 1:
         raise ConfigError(
