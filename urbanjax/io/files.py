@@ -1,5 +1,6 @@
-"""What is asked of every file before it is read."""
+"""Files on their way in: where real data is, and what is asked of every file before it is read."""
 
+import os
 from pathlib import Path
 
 from urbanjax.types import FileError
@@ -18,3 +19,8 @@ def content(path: Path) -> bytes:
         raise FileError(f"{path}: there is no such file") from error
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def data_folder() -> Path:
+    """Where real data is: $URBANJAX_DATA, or shared/data beside the project."""
+    return Path(os.environ.get("URBANJAX_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

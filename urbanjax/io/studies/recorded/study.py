@@ -1,10 +1,10 @@
 """Which recordings are driven in, and how."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from urbanjax.io import maps
+from urbanjax.io.files import data_folder
 from urbanjax.io.studies.recorded.drive import Drive, drive
 from urbanjax.io.studies.recorded.scenes import Scene, prepare, problems
 from urbanjax.roadmap.extended import ExtendParams
@@ -13,7 +13,6 @@ from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, field, pytree, static
 
-BESIDE = Path(__file__).resolve().parents[5] / "shared" / "data"  # where the data is without $URBANJAX_DATA
 EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
 NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
 
@@ -34,8 +33,7 @@ class RecordedStudy:
 
 def paths(study: RecordedStudy) -> list[Path]:
     """The files. Raises ConfigError, naming the first one that is missing."""
-    data = Path(os.environ.get("URBANJAX_DATA", BESIDE))
-    folder = Path(study.folder or data / "maps" / "commonroad_recorded")
+    folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded")
     found = [folder / f"{name}.xml" for name in study.files]
     for path in found:
         if not path.is_file():

@@ -2,7 +2,6 @@
 
 import functools
 import importlib.util
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from urbanjax import registration
 from urbanjax.io import pointclouds
+from urbanjax.io.files import data_folder
 from urbanjax.io.poses import read_matrix
 from urbanjax.io.studies import registration_speed, timing
 from urbanjax.io.studies.registration_speed import RegistrationStudy
@@ -23,8 +23,6 @@ from urbanjax.registration import PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.registration.features import features
 from urbanjax.types import as_arrays, pytree, static
-
-BESIDE = Path(__file__).resolve().parents[5] / "shared" / "data"  # where the data is without $URBANJAX_DATA
 
 
 @pytree
@@ -42,7 +40,7 @@ class PairParams:
 
 def folder_of(params: PairParams) -> Path:
     """Where the pair is."""
-    return Path(params.folder or Path(os.environ.get("URBANJAX_DATA", BESIDE)) / "lidar" / "outdoor_pair")
+    return Path(params.folder or data_folder() / "lidar" / "outdoor_pair")
 
 
 def missing(params: PairParams) -> str | None:
