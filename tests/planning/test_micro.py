@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.planning.conftest import small_params
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import micro
 from urbanjax.planning.micro import MICRO_TERMS, REASONS
@@ -159,3 +160,36 @@ def test_weights_are_one_hot_in_hard_and_spread_in_soft(planner, scenes):
     assert sorted(np.unique(hard.weights)) == [0, 1]
     assert soft.weights.sum() == pytest.approx(1, abs=1e-5)
     assert soft.weights.max() < 0.9
+
+
+def test_the_wheels_turn_as_fast_as_the_curvature_asks(planner, scenes):
+    window = scenes.road()
+    fan = planner(window, scenes.ego(window), scenes.traffic(window, []))[1]
+    step, speed, growth = 2.0, 8.0, 0.004
+    along = jnp.broadcast_to(step * jnp.arange(fan.station.size), fan.time.shape)
+    clothoid = fan.replace(curvature=growth * along, time=along / speed)
+    vehicle = VehicleParams()
+    middle = vehicle.wheelbase * growth * (along[0, :-1] + step / 2)
+    expected = vehicle.wheelbase * growth * speed / (1 + middle**2)
+    np.testing.assert_allclose(micro.steering_rate(clothoid, vehicle)[0], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("steering_rate", {"steering_rate_share": 0.05}),
+        ("acceleration", {"max_acceleration": 0.01}),
+        ("deceleration", {"max_deceleration": 0.01}),
+    ],
+)
+def test_what_is_beyond_a_limit_is_rejected_for_it_alone(planner, scenes, name, change):
+    window = scenes.road()
+    ego, cars = scenes.ego(window, offset=0.4, speed=10.0), scenes.traffic(window, [])
+    free = planner(window, ego, cars)[2]
+    params = small_params()
+    tight = planner(window, ego, cars, params=params.replace(micro=params.micro.replace(**change)))[2]
+    assert not reason(free, name).any()
+    assert reason(tight, name).any()
+    for other in REASONS:
+        if other != name:
+            np.testing.assert_array_equal(reason(tight, other), reason(free, other))

@@ -63,6 +63,7 @@ class MicroParams:
     max_deceleration: float = 8.0  # m/s^2, positive
     settle: float = 1.0  # s, for which a limit that the vehicle already exceeds does not count; then this fades as long
     steering_share: float = 0.95  # of the largest curvature that steering can follow
+    steering_rate_share: float = 2.0  # of the fastest steering; what is driven turns in more smoothly than a candidate
     edge_tolerance: float = 0.1  # m, by which the footprint may leave the road
     recovery: float = 3.0  # s, for which a vehicle that is off the road may still be so; then this fades as long
     recovery_slack: float = 0.3  # m, by which it may meanwhile be farther off, since it has to turn
@@ -204,7 +205,7 @@ def limit_margins(
     too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
     return (
         left(sharp, steering, too_sharp, params.settle),
-        vehicle.max_steering_rate - safe.maximum(rate),
+        params.steering_rate_share * vehicle.max_steering_rate - safe.maximum(rate),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
         params.max_acceleration - safe.maximum(gain),
         params.max_deceleration - safe.maximum(-gain),
