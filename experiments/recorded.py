@@ -13,7 +13,7 @@ CAPTION = (
     "moves as recorded and does not react. At fault: the ego's front or flank touches somebody, or it touches somebody "
     "who stands; not at fault: it stands, or is hit from behind. Progress is along the route, ours over the recorded "
     "one. Comfort from the same differences of speed and heading over one step; recorded ones hold the noise of the "
-    "measurement. Signals were not recorded, and count as green."
+    "measurement. Signals count as green throughout, also where a file holds their programs."
 )
 
 

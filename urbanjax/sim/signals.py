@@ -39,6 +39,6 @@ def show(program: SignalProgram, time: Float[Array, ""]) -> Signals:
 
 
 def always_green(n_signals: int) -> SignalProgram:
-    """A program in which nobody ever has to stop, for recordings without signals."""
+    """A program in which nobody ever has to stop, for worlds whose signals are not simulated."""
     each = jnp.ones(n_signals)
     return SignalProgram(each, 0 * each, each, 0 * each)
