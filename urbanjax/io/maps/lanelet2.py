@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Hashable
 from typing import Any, no_type_check
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from urbanjax.io.maps.geodesy import transverse_mercator
 from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.regulation import Regulation, regulations
 from urbanjax.io.maps.road import Fault, MapLane, RoadMap
-from urbanjax.io.maps.xml import Xml
+from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.builders.relations import project
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 

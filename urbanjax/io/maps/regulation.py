@@ -3,9 +3,8 @@
 import dataclasses
 from collections.abc import Hashable
 from typing import no_type_check
-from xml.etree.ElementTree import Element
 
-from urbanjax.io.maps.xml import Xml
+from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.graph import Rule
 
 STOP_SIGNS = {"stop_sign", "de206", "usR1-1", "stop"}

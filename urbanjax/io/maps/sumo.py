@@ -3,14 +3,13 @@
 import dataclasses
 from collections.abc import Hashable
 from typing import Any, no_type_check
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from urbanjax.io.maps.centre import borders
 from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.road import Fault, MapLane, RoadMap, SignalCycle
-from urbanjax.io.maps.xml import Xml
+from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
 

@@ -1,13 +1,12 @@
 """The moving part of a CommonRoad file: obstacles with their recorded trajectories, and planning problems."""
 
 from typing import Any
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from urbanjax.io.maps.recording import Goal, PlanningProblem, Recording, Region, Track, record
 from urbanjax.io.maps.road import RoadMap
-from urbanjax.io.maps.xml import Xml
+from urbanjax.io.maps.xml import Element, Xml
 
 MOST_STATES = 5_000_000  # road users times time steps
 LONGEST = 1e6  # time steps
