@@ -2,10 +2,10 @@
 
 import jax.numpy as jnp
 from jax import Array
-from jax.lax import optimization_barrier
 from jaxtyping import Float
 
 from urbanjax.numerics import safe
+from urbanjax.numerics.once import once
 from urbanjax.planning.frenet import motion
 from urbanjax.planning.frenet.line import ReferenceLine
 from urbanjax.planning.frenet.motion import Across, Along, EndGrid, FrenetState, per_way
@@ -66,14 +66,14 @@ def cartesian(along: Along, across: Across, grid: EndGrid) -> Float[Array, "6 d 
     The exact relations of a curve d(s) beside the line; with `heading` "slope" those of planners that take d' itself as
     the tangent of the heading, which is the same on a straight line. No square root or division meets zero.
     """
-    wide = (across.offset.shape[0], *along.x.shape)
+    wide, foot = (across.offset.shape[0], *along.station.shape), along.foot
 
     def of(values: Array) -> Array:  # one axis for duration and time: the compiler's inner loops are long
         lead = values.shape[:-2] if values.ndim == 4 else (1, values.shape[0])
         return values.reshape(*lead, -1)
 
     offset, slope, bend = (of(v) for v in (across.offset, across.first, across.second))
-    speed, kappa, twist = (of(v) for v in (along.speed, along.curvature, along.curvature_slope))
+    speed, kappa, twist = (of(v) for v in (along.speed, foot.curvature, foot.curvature_slope))
     if grid.lateral == "time":
         rate = per_way(speed)
         slope = slope * rate
@@ -87,12 +87,11 @@ def cartesian(along: Along, across: Across, grid: EndGrid) -> Float[Array, "6 d 
     bent = (bend + turn * tan) * scale * inverse * inverse
     growth = secant * (scale * tan * bent - turn)
     values = (
-        of(along.x) - offset * of(along.sin),
-        of(along.y) + offset * of(along.cos),
-        of(along.heading) + safe.arctan(tan),
+        of(foot.x) - offset * of(foot.sin),
+        of(foot.y) + offset * of(foot.cos),
+        of(foot.heading) + safe.arctan(tan),
         speed * stretch,
         (kappa + bent) * inverse,
         of(along.acceleration) * stretch + speed * speed * growth,
     )
-    stacked = jnp.stack([jnp.broadcast_to(v, (*wide[:2], wide[2] * wide[3])) for v in values])
-    return optimization_barrier(stacked).reshape(len(FIELDS), *wide)
+    return once(*(jnp.broadcast_to(v, (*wide[:2], wide[2] * wide[3])) for v in values)).reshape(len(FIELDS), *wide)

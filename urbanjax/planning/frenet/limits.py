@@ -7,6 +7,7 @@ from jax import Array, lax
 from jaxtyping import Bool, Float
 
 from urbanjax.geometry.boxes import Box, box_gap
+from urbanjax.numerics.once import once
 from urbanjax.planning.clearance import predicted_boxes
 from urbanjax.planning.frenet.fan import FIELDS, Fan
 from urbanjax.planning.frenet.motion import EndGrid
@@ -56,7 +57,9 @@ def broken(
     rates = jnp.max(excess.reshape(4, *shape, -1), axis=-1) > 0
     backwards = (jnp.min(fan.along.speed, axis=-1) < -SPEED_ROUNDING)[None]
     hits = jnp.zeros((1, 1, 1), bool) if prediction is None else clearance(fan, prediction, vehicle, grid) < 0
-    others = [jnp.broadcast_to(limit, shape) for limit in (backwards, fan.along.beyond[None], hits)]
+    others = [
+        jnp.broadcast_to(limit, shape) for limit in (backwards, jnp.any(fan.along.foot.outside, axis=-1)[None], hits)
+    ]
     return jnp.concatenate([rates, jnp.stack(others)])
 
 
@@ -89,6 +92,6 @@ def clearance(fan: Fan, prediction: Prediction, vehicle: VehicleParams, grid: En
     cos, sin = jnp.cos(fan.heading), jnp.sin(fan.heading)
     x, y = (fan.position[i] - origin[i] + vehicle.centre_offset * d for i, d in enumerate((cos, sin)))
     half = (jnp.asarray(v / 2, cos.dtype) for v in (vehicle.length, vehicle.width))
-    ego = Box(*(v[None] for v in lax.optimization_barrier((x, y, cos, sin))), *half)
+    ego = Box(*(v[None] for v in once(x, y, cos, sin)), *half)
     valid = prediction.valid[:, None, None, None]
     return jnp.min(jnp.where(valid, jnp.min(box_gap(ego, other), axis=-1), jnp.inf), axis=0)

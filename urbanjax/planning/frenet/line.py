@@ -2,10 +2,10 @@
 
 import jax.numpy as jnp
 from jax import Array
-from jax.lax import optimization_barrier
 from jaxtyping import Float
 
 from urbanjax.geometry.frenet import cell
+from urbanjax.numerics.once import once
 from urbanjax.roadmap.extended import ExtendedGraph
 from urbanjax.types import pytree
 
@@ -57,8 +57,7 @@ def look_up(line: ReferenceLine, station: Float[Array, "*q"]) -> Foot:
     index, share, beyond = cell(line.start, line.spacing, line.rows.shape[0], station)
     row = line.rows.at[index].get(mode="promise_in_bounds")
     x, y, heading, curvature, slope = (row[..., i] + share * row[..., 5 + i] for i in range(5))
-    # Stacked, so that the compiler does not take both anew for x and for y.
-    cos, sin = optimization_barrier(jnp.stack([jnp.cos(heading), jnp.sin(heading)]))
+    cos, sin = once(jnp.cos(heading), jnp.sin(heading))
     sag = curvature * share * (1 - share) * line.spacing**2 / 2  # of the arc beside its chord
     x, y = x + sin * sag + beyond * cos, y - cos * sag + beyond * sin
     return Foot(x, y, heading, cos, sin, curvature, slope, outside=beyond != 0)

@@ -11,7 +11,7 @@ from jax import Array
 
 from urbanjax.numerics import polynomial
 from urbanjax.numerics.once import once
-from urbanjax.planning.frenet.line import ReferenceLine, look_up
+from urbanjax.planning.frenet.line import Foot, ReferenceLine, look_up
 from urbanjax.types import pytree, static
 
 HEADINGS = ("exact", "slope")  # tan of the heading against the reference: d' / (1 - kappa d), or d' alone
@@ -44,19 +44,12 @@ class FrenetState:
 
 @pytree
 class Along:
-    """Motion along the reference line, and the line there: all [V * A, N, T]."""
+    """Motion along the reference line: all [V * A, N, T]."""
 
     station: Array  # m
     speed: Array  # m/s
     acceleration: Array  # m/s^2
-    x: Array  # m
-    y: Array  # m
-    heading: Array  # rad
-    cos: Array
-    sin: Array
-    curvature: Array  # 1/m
-    curvature_slope: Array  # 1/m^2
-    beyond: Array  # [V * A, N] bool, it leaves the line
+    foot: Foot  # the line there
     reach: Array  # [V * A, N] m, covered at the end of the duration
     jerk: tuple[Array, Array]  # [V * A, N] m/s^3 at the start, and m/s^4
 
@@ -84,22 +77,22 @@ def along(line: ReferenceLine, start: Array, grid: EndGrid) -> Along:
     station = station + past[None] * end_speed[..., None]
     acceleration = jnp.where(ended[None], 0, acceleration)
     foot = look_up(line, station)
-    motion = (station, speed, acceleration)
     here = (foot.x, foot.y, foot.heading, foot.cos, foot.sin, foot.curvature, foot.curvature_slope)
+    station, speed, acceleration, *here = once(station, speed, acceleration, *here)
     jerk = (6 * coefficients[3], 24 * coefficients[4])
-    return Along(*once(*motion, *here), beyond=jnp.any(foot.outside, axis=-1), reach=reach, jerk=jerk)
+    return Along(station, speed, acceleration, Foot(*here, outside=foot.outside), reach=reach, jerk=jerk)
 
 
 def across(motion: Along, start: Array, grid: EndGrid) -> Across:
     """The quintics d from `start` [3] (m, m/s, m/s^2) to each offset, over time or over the way covered."""
-    within, _, ended, durations = _times(grid, motion.x.dtype)
+    within, _, ended, durations = _times(grid, motion.station.dtype)
     if grid.lateral == "time":
         state, reach, variable = start, durations[None, None], within[None, None]
     else:
         state = _over_station(start, motion.speed[0, 0, 0], motion.acceleration[0, 0, 0])
         reach = jnp.maximum(motion.reach, MIN_REACH)[None]
         variable = jnp.clip((motion.station - motion.station[:, :, :1])[None], 0, reach[..., None])
-    offsets = jnp.asarray(grid.offsets, motion.x.dtype)[:, None, None]
+    offsets = jnp.asarray(grid.offsets, motion.station.dtype)[:, None, None]
     shape = jnp.broadcast_shapes(offsets.shape, reach.shape)
     d0, v0, a0, end, duration = (jnp.broadcast_to(v, shape) for v in (*state, offsets, reach))
     zero = jnp.zeros_like(end)
