@@ -7,7 +7,7 @@ import pytest
 
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadType
-from urbanjax.roadmap.locate import LocateParams, locate
+from urbanjax.roadmap.locate import LocateParams, locate, misfit
 from urbanjax.roadmap.padding import pad
 
 locate_jit = jax.jit(locate)
@@ -48,6 +48,15 @@ def test_few_candidates_find_what_all_find(district):
     few = locate_jit(district, position, heading)
     every = locate_jit(district, position, heading, None, LocateParams(candidates=len(district.length)))
     np.testing.assert_array_equal(few.link, every.link)
+
+
+def test_without_continuity_the_least_misfit_is_what_is_located(district):
+    rng = np.random.default_rng(2)
+    position = jnp.asarray(np.asarray(district.centre)[rng.integers(0, len(district.length), N), 7] + 1.0)
+    heading = jnp.asarray(rng.uniform(-np.pi, np.pi, N), jnp.float32)
+    fit = jax.jit(misfit)(district, position, heading, LocateParams())
+    every = locate_jit(district, position, heading, None, LocateParams(candidates=len(district.length)))
+    np.testing.assert_allclose(fit[jnp.arange(N), every.link], fit.min(1), atol=1e-4)
 
 
 def test_heading_tells_the_two_directions_of_a_road_apart(graphs):

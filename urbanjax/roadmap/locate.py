@@ -67,6 +67,19 @@ def locate(
     return Location(link, at.station, at.offset, safe.wrap_angle(heading - at.heading), at.distance, valid)
 
 
+def misfit(
+    graph: RoadGraph, position: Float[Array, "n 2"], heading: Float[Array, "n"], params: LocateParams
+) -> Float[Array, "n l"]:
+    """How badly each pose fits each link [m]: its distance, and what its heading costs; FAR for padding.
+
+    What `locate` chooses by, without continuity: for those who choose among whole sequences of links.
+    """
+    links = jnp.broadcast_to(jnp.arange(graph.length.shape[0]), (position.shape[0], graph.length.shape[0]))
+    _, distance, angle = _nearest(graph, links, position)
+    cost = distance + _heading_cost(safe.wrap_angle(heading[:, None] - angle), params)
+    return jnp.where(graph.valid[None, :], cost, FAR)
+
+
 def _heading_cost(error: Array, params: LocateParams) -> Array:
     return jnp.where(jnp.abs(error) > params.heading_gate, params.heading_penalty, 0) + params.heading_weight * error**2
 

@@ -1,15 +1,20 @@
 """Which links a recorded vehicle drove on: the most plausible connected sequence (host side)."""
 
+import jax
 import numpy as np
 
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.locate import LocateParams, misfit
+from urbanjax.types import as_arrays
 
 FARTHEST = 6.0  # m from a link's centre line, beyond which nobody is on it
 CLOSE = 3.0  # m, within which a place may be on a link
-HEADING = 4.0  # m per squared rad of deviation from the link's direction
+ALONG = LocateParams(heading_weight=4.0, heading_penalty=0.0)  # m per squared rad, however far off
+ANYHOW = LocateParams(heading_weight=0.0, heading_penalty=0.0)
 JUMP = 1e3  # m, for going on on a link that does not follow
 SIDE = 3.0  # m, for a change of lanes
 HOPS = 3  # links that may be passed between two records
+PADDED = 64  # poses are looked at in multiples of so many, so that few programs are compiled
 
 
 def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.ndarray | None:
@@ -17,7 +22,7 @@ def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.nda
 
     Args: position [T, 2] m, heading [T] rad.
     """
-    cost = _misfit(graph, position, heading)
+    cost = _fits(graph, position, heading, ALONG)
     if (cost.min(1) > FARTHEST).any():
         return None
     moves = _transitions(graph)
@@ -35,28 +40,18 @@ def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.nda
 
 def near(graph: RoadGraph, position: np.ndarray, heading: float | None) -> list[int]:
     """Links within 3 m of a place [2] (m) and along its heading (rad, None: any), the best fit first."""
-    if heading is None:
-        fits = np.min([_misfit(graph, position[None], np.array([a]))[0] for a in np.arange(0, 2 * np.pi, 0.3)], axis=0)
-    else:
-        fits = _misfit(graph, position[None], np.array([heading]))[0]
+    fits = _fits(graph, position[None], np.array([heading or 0.0]), ANYHOW if heading is None else ALONG)[0]
     return [int(link) for link in np.argsort(fits, kind="stable") if fits[link] < CLOSE]
 
 
-def _misfit(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.ndarray:
+def _fits(graph: RoadGraph, position: np.ndarray, heading: np.ndarray, params: LocateParams) -> np.ndarray:
     """How badly [T, L] (m) each pose fits each link."""
-    centre, course, valid = (np.asarray(x) for x in (graph.centre, graph.heading, graph.valid))
-    start, chord = centre[:, :-1], np.diff(centre, axis=1)
-    size = np.maximum((chord**2).sum(-1), 1e-9)
-    cost = np.empty((len(position), len(centre)))
-    for t, (point, angle) in enumerate(zip(position, heading, strict=True)):
-        away = point - start
-        share = np.clip((away * chord).sum(-1) / size, 0, 1)
-        square = ((away - share[..., None] * chord) ** 2).sum(-1)
-        nearest = square.argmin(1)[:, None]
-        turned = angle - np.take_along_axis(course, nearest, 1)[:, 0]
-        turned = (turned + np.pi) % (2 * np.pi) - np.pi
-        cost[t] = np.sqrt(np.take_along_axis(square, nearest, 1)[:, 0]) + HEADING * turned**2
-    return np.where(valid, cost, 1e6)
+    more = -len(position) % PADDED
+    poses = np.pad(position, ((0, more), (0, 0)), mode="edge"), np.pad(heading, (0, more), mode="edge")
+    return np.asarray(_misfit(graph, *as_arrays((*poses, params))), float)[: len(position)]
+
+
+_misfit = jax.jit(misfit)
 
 
 def _transitions(graph: RoadGraph) -> np.ndarray:
