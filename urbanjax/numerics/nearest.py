@@ -1,23 +1,20 @@
 """The k nearest neighbours among many points, with a certificate for each, in time linear in their number.
 
-The points are sorted along a space-filling curve and cut into groups of four, those into groups of sixteen, and so on:
-a tree without pointers, which adapts to the density of the points. From the top down each group looks at the groups
-nearest to it, among the parts of those that its parent looks at. All of it is dense arithmetic on arrays of static
-shape.
+Groups of query points go down the tree of the points together: from the top down each group looks at the groups
+nearest to it, among the parts of those that its parent looks at.
 """
 
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int
 
-from urbanjax.numerics import hilbert
+from urbanjax.numerics import tree as trees
 from urbanjax.numerics.selection import smallest, tagged, untagged
+from urbanjax.numerics.tree import FAN, Tree, at
 from urbanjax.types import pytree
 
-FAN = 4  # parts of a group
 WIDE = 31  # groups that those above the smallest look at, or more: what they miss, none below them can find
 SHARE = 64  # groups of sixteen points that are searched for at once: what they need fits a cache
-TOP = 256  # groups up to which all look at all
 
 
 @pytree
@@ -36,105 +33,97 @@ def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], k: int, visit
     Where `exact` is false the neighbours are near ones, but perhaps not the nearest; more visits mend it. Args: visits,
     groups of four points that each group looks at; more than some dozens take long to compile.
     """
-    d, n = points.shape
-    order = hilbert.order(points, valid)
-    count = _groups(n)
-    flat = jnp.pad(jnp.where(valid[None], points, jnp.inf), ((0, 0), (0, 1)), constant_values=jnp.inf).reshape(-1)
-    places = jnp.pad(order, (0, count * FAN - n), constant_values=n).reshape(count, 1, FAN)
-    leaves = _at(flat, places + (jnp.arange(d, dtype=jnp.int32) * (n + 1))[None, :, None])
-    boxes, near, beyond = _parents(leaves, visits)
+    n = points.shape[1]
+    tree = trees.build(points, valid, trees.depth(n))
+    index, squared, exact = (x[..., :n] for x in by_groups(tree, tree, k, visits, same=True))
+    index = jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None])
+    return Neighbours(order=tree.order, index=index, squared=squared, exact=exact)
+
+
+def by_groups(own: Tree, other: Tree, k: int, visits: int, same: bool = False) -> tuple[Array, Array, Array]:
+    """Places in `other` [k, M], squared distances [k, M] and certificates [M] for the M points of `own`.
+
+    Squared distances are inf where there are fewer than k points. Args: own, a tree with as many levels as `other`;
+    same, whether both are one tree.
+    """
+    boxes, near, beyond = _parents(own, other, visits, same)
     parents = near.shape[0]
     share = min(SHARE, parents)
 
     def search(step: Array, found: tuple[Array, Array, Array]) -> tuple[Array, ...]:
-        at = jnp.minimum(step * share, parents - share)
-        own, looks, limit = (lax.dynamic_slice_in_dim(x, at, share) for x in (boxes, near, beyond))
-        groups, limit = _narrowed(own, at, boxes, looks, limit, visits)
-        points = lax.dynamic_slice_in_dim(leaves, at * FAN, share * FAN)
-        index, squared = _nearest_of(points, leaves, groups, k)
-        place, exact = at * FAN**2, (squared[-1].reshape(-1, FAN) <= limit[:, None]).reshape(-1)
+        first = jnp.minimum(step * share, parents - share)
+        mine, looks, limit = (lax.dynamic_slice_in_dim(x, first, share) for x in (boxes, near, beyond))
+        groups, limit = narrowed(mine, other.levels[0], looks, limit, visits, first if same else None)
+        points = lax.dynamic_slice_in_dim(own.leaves, first * FAN, share * FAN)
+        index, squared = nearest_of(points, other.leaves, groups, k)
+        place, exact = first * FAN**2, (squared[-1].reshape(-1, FAN) <= limit[:, None]).reshape(-1)
         return tuple(
             lax.dynamic_update_slice_in_dim(all_, some, place, axis=-1)
             for all_, some in zip(found, (index, squared, exact), strict=True)
         )
 
     # Invalid points are the last ones: what is spent on capacity stops with the valid ones.
-    steps = -(-jnp.sum(valid, dtype=jnp.int32) // (share * FAN**2))
+    steps = -(-own.count // (share * FAN**2))
+    size = own.leaves.shape[0] * FAN
     nothing = (
-        jnp.zeros((k, count * FAN), jnp.int32),
-        jnp.full((k, count * FAN), jnp.inf, points.dtype),
-        jnp.zeros(count * FAN, bool),
+        jnp.zeros((k, size), jnp.int32),
+        jnp.full((k, size), jnp.inf, own.leaves.dtype),
+        jnp.zeros(size, bool),
     )
-    index, squared, exact = (x[..., :n] for x in lax.fori_loop(0, steps, search, nothing))
-    index = jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None])
-    return Neighbours(order=order, index=index, squared=squared, exact=exact)
+    return lax.fori_loop(0, steps, search, nothing)
 
 
-def _groups(points: int) -> int:
-    """Groups of FAN points in a tree without gaps."""
-    size = FAN
-    while points > TOP * size:
-        size *= FAN
-    return -(-points // (size * FAN)) * size
-
-
-def _parents(leaves: Float[Array, "g d f"], visits: int) -> tuple[Array, Int[Array, "p v"], Float[Array, " p"]]:
+def _parents(own: Tree, other: Tree, visits: int, same: bool) -> tuple[Array, Int[Array, "p v"], Float[Array, " p"]]:
     """The boxes of the groups of points by their parents, the groups that each parent looks at, and how far it sees."""
-    # Boxes are kept as (low, -high), so that the box around boxes is their minimum, and a missing one is inf.
-    levels = [_boxes(jnp.concatenate([leaves, jnp.where(jnp.isfinite(leaves), -leaves, jnp.inf)], axis=1))]
-    while levels[-1].shape[0] * FAN > TOP:
-        levels.append(_boxes(levels[-1]))
-    top = levels[-1].shape[0]
-    near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (top, top))
-    beyond = jnp.full(top, jnp.inf, leaves.dtype)
-    for boxes in levels[:0:-1]:
-        near, beyond = _narrowed(boxes, 0, boxes, near, beyond, max(visits, WIDE))
-    return levels[0], near, beyond
+    all_, top = own.levels[-1].shape[0], other.levels[-1].shape[0]
+    near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (all_, top))
+    beyond = jnp.full(all_, jnp.inf, own.leaves.dtype)
+    for mine, boxes in zip(own.levels[:0:-1], other.levels[:0:-1], strict=True):
+        near, beyond = narrowed(mine, boxes, near, beyond, max(visits, WIDE), 0 if same else None)
+    return own.levels[0], near, beyond
 
 
-def _narrowed(
+def narrowed(
     own: Float[Array, "p b f"],
-    first: int | Array,
-    boxes: Float[Array, "q b f"],
+    boxes: Float[Array, "q b c"],
     near: Int[Array, "p v"],
     beyond: Float[Array, " p"],
     width: int,
+    first: int | Array | None = None,
 ) -> tuple[Int[Array, "g w"], Float[Array, " g"]]:
     """The W groups nearest to each part of some parents, of those that are parts of what the parent looks at.
 
-    Returns also the squared distance within which no other group has a point. Args: first, number of the first parent.
+    Returns also the squared distance within which no other group has a point. Args: first, number of the first parent
+    where own parts are among the others.
     """
     number = _parts(near)
+    parts = own.shape[-1]
     if width >= number.shape[1]:
-        return jnp.repeat(number, FAN, axis=0), jnp.repeat(beyond, FAN)
-    apart = _apart(own, _at(boxes, near))
-    # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
-    me = first * FAN + jnp.arange(own.shape[0] * FAN, dtype=jnp.int32).reshape(-1, FAN, 1)
-    apart = jnp.where(number[:, None, :] == me, 0, jnp.maximum(apart, 2**20 * jnp.finfo(apart.dtype).tiny))
+        return jnp.repeat(number, parts, axis=0), jnp.repeat(beyond, parts)
+    apart = _apart(own, at(boxes, near))
+    floor = 2**20 * jnp.finfo(apart.dtype).tiny
+    if first is not None:
+        # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
+        me = first * FAN + jnp.arange(own.shape[0] * parts, dtype=jnp.int32).reshape(-1, parts, 1)
+        apart = jnp.where(number[:, None, :] == me, 0, jnp.maximum(apart, floor))
     found, pick = _closest(apart, width + 1)
     pick = jnp.stack(pick[:width], axis=-1)
     chosen = jnp.take_along_axis(number[:, None, :], pick, axis=2, mode="clip").reshape(-1, width)
     return chosen, jnp.minimum(beyond[:, None], found[width]).reshape(-1)
 
 
-def _nearest_of(
-    own: Float[Array, "g d f"], leaves: Float[Array, "h d f"], near: Int[Array, "g v"], k: int
+def nearest_of(
+    own: Float[Array, "g d f"], leaves: Float[Array, "h d c"], near: Int[Array, "g v"], k: int
 ) -> tuple[Int[Array, "k n"], Float[Array, "k n"]]:
     """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at."""
-    found, pick = _closest(_between(own, _at(leaves, near)), k)
+    found, pick = _closest(_between(own, at(leaves, near)), k)
     number = _parts(near)
     row = jnp.arange(number.shape[0], dtype=jnp.int32)[None, :, None] * number.shape[1]
-    return _at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1), jnp.stack(found).reshape(k, -1)
+    return at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1), jnp.stack(found).reshape(k, -1)
 
 
-def _boxes(parts: Float[Array, "g b f"]) -> Float[Array, "p b f"]:
-    """The boxes around the parts of each group, as parts of the groups above."""
-    g, b, f = parts.shape
-    return jnp.min(jnp.swapaxes(parts.reshape(g // FAN, FAN, b, f), 1, 2), axis=-1)
-
-
-def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b f"]) -> Float[Array, "g f c"]:
-    """Squared distances between the parts of each group and the C = V * F parts of the groups it looks at."""
+def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) -> Float[Array, "g f c"]:
+    """Squared distances between the parts of each group and the C = V * H parts of the groups it looks at."""
     g, b, f = own.shape
     d = b // 2
     total = jnp.zeros((), own.dtype)
@@ -145,8 +134,8 @@ def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b f"]) -> Float
     return total.reshape(g, f, -1)
 
 
-def _between(own: Float[Array, "g d f"], others: Float[Array, "g v d f"]) -> Float[Array, "g f c"]:
-    """Squared distances between the points of each group and the C = V * F points of the groups it looks at."""
+def _between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Float[Array, "g f c"]:
+    """Squared distances between the points of each group and the C = V * H points of the groups it looks at."""
     g, d, f = own.shape
     own = jnp.where(jnp.isfinite(own), own, 0)
     gaps = [own[:, i, :, None, None] - others[:, None, :, i] for i in range(d)]
@@ -164,8 +153,3 @@ def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[
 def _parts(near: Int[Array, "g v"]) -> Int[Array, "g c"]:
     """The numbers of the C = V * FAN parts of the groups looked at."""
     return (near[:, :, None] * FAN + jnp.arange(FAN, dtype=jnp.int32)[None, None]).reshape(near.shape[0], -1)
-
-
-def _at(table: Shaped[Array, "n *s"], index: Int[Array, "*m"]) -> Array:
-    """Rows of a table, without the checks for places outside it."""
-    return table.at[index].get(mode="clip", wrap_negative_indices=False)
