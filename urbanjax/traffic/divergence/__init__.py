@@ -1,0 +1,1 @@
+"""How differently teams drive: estimates of the Kullback-Leibler divergence from nearest neighbours."""
