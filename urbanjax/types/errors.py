@@ -27,3 +27,7 @@ class CloudError(UrbanJaxError):
 
 class FileError(UrbanJaxError):
     """A file is missing, truncated or not what its name says."""
+
+
+class TrafficError(UrbanJaxError):
+    """A course, an area or another input of the traffic analysis is out of range."""

@@ -1,0 +1,1 @@
+"""How vehicles move together: string stability, flow and density, passages, lane changes and travel times."""
