@@ -1,0 +1,98 @@
+"""Speed and heading as a log states them, held against its positions and times."""
+
+import dataclasses
+
+import numpy as np
+
+from urbanjax.io.logs.format import LogFormat, fitting
+from urbanjax.io.logs.record import LogError, VehicleLog
+
+WINDOW = 1.0  # s over which speeds are compared
+MOVING = 0.3  # of the 90 % quantile of distances: windows with less do not count
+ASTRAY = 0.5  # rad, of a heading from the way, of which a note is made
+STILL = 1e-6  # m/s, of a stated speed that says nothing
+
+
+def compared(log: VehicleLog, form: LogFormat, column: str) -> VehicleLog:
+    """The log with the ratio of its stated speed to that of its positions, and notes of what does not agree.
+
+    Raises LogError where the ratio is off by more than the format's factor, with the units that would fit.
+    """
+    notes = [*log.report.notes, *_astray(log)]
+    ratio = float("nan")
+    if log.speed is not None:
+        at, ratios = speed_ratios(log)
+        if len(ratios):
+            ratio = _checked(log, float(np.median(ratios)), form, column)
+            notes += _uneven(log, form, at, ratios)
+        else:
+            still = bool(np.all(np.nan_to_num(np.abs(log.speed)) <= STILL))
+            notes.append("the stated speed " + ("is 0 throughout" if still else "could not be compared with positions"))
+    return dataclasses.replace(log, report=dataclasses.replace(log.report, speed_ratio=ratio, notes=tuple(notes)))
+
+
+def _checked(log: VehicleLog, ratio: float, form: LogFormat, column: str) -> float:
+    """The ratio, if it is not off by more than the format's factor."""
+    if not 1 / form.speed_factor <= ratio <= form.speed_factor:
+        settings = fitting(form, ratio)
+        remedy = f"; it looks like {' or '.join(settings)}" if settings else "; no other unit explains it"
+        raise LogError(
+            f"{log.source}: column {column!r}: the stated speed of {log.name} is {ratio:.3g} times that of its "
+            f"positions, off by more than a factor of {form.speed_factor:g} (speed_factor){remedy}"
+        )
+    return ratio
+
+
+def _uneven(log: VehicleLog, form: LogFormat, at: np.ndarray, ratios: np.ndarray) -> list[str]:
+    """Notes of the quarters of a log whose speed is in another unit, or wrong."""
+    notes = []
+    for part in np.array_split(np.arange(len(ratios)), 4):
+        ratio = float(np.median(ratios[part])) if len(part) >= 3 else 1.0
+        if not 1 / form.speed_factor**2 <= ratio <= form.speed_factor**2:
+            first, last = np.asarray(log.rows)[at[part[[0, -1]]]]
+            notes.append(f"rows {first} to {last}: the stated speed is {ratio:.3g} times that of the positions")
+    return notes
+
+
+def speed_ratios(log: VehicleLog) -> tuple[np.ndarray, np.ndarray]:
+    """First samples [w] of windows of about WINDOW, and stated speed over distance per time [w] in them.
+
+    Only those count in which the vehicle moves by both; there are none where there would be fewer than three.
+    """
+    none = np.zeros(0, int), np.zeros(0)
+    step = np.diff(log.time)
+    at = np.arange(0, log.n, _size(log))
+    if log.speed is None or len(at) < 4:
+        return none
+    speed = np.abs(log.speed)
+    known = np.nan_to_num(speed)
+    stated = np.concatenate([[0.0], np.cumsum(step * (known[1:] + known[:-1]) / 2)])
+    # Windows with an absent speed do not count.
+    lost = np.concatenate([[0], np.cumsum(~np.isfinite(speed))])
+    whole = lost[np.minimum(at[1:] + 1, log.n)] == lost[at[:-1]]
+    distance = np.hypot(*np.diff(log.position[at], axis=0).T)
+    way = np.diff(stated[at])
+    moving = whole & (distance > max(MOVING * float(np.quantile(distance, 0.9)), 1e-6)) & (way > STILL)
+    return (at[:-1][moving], way[moving] / distance[moving]) if moving.sum() >= 3 else none
+
+
+def _astray(log: VehicleLog) -> list[str]:
+    """A note where the stated heading is not that of the way, as in another unit or counted otherwise."""
+    if log.heading is None:
+        return []
+    size = _size(log)
+    first, last = np.arange(0, log.n - size, size), np.arange(size, log.n, size)
+    way = log.position[last] - log.position[first]
+    distance = np.hypot(*way.T)
+    moving = np.isfinite(log.heading[(first + last) // 2]) & (distance > 1.0)
+    if moving.sum() < 3:
+        return []
+    off = log.heading[(first + last) // 2] - np.arctan2(way[:, 1], way[:, 0])
+    angle = float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))[moving]))
+    astray = f"the stated heading is {angle:.2f} rad from the way (median): see units.heading and units.compass"
+    return [astray] if angle > ASTRAY else []
+
+
+def _size(log: VehicleLog) -> int:
+    """Samples in a window, of which the log has five or more if it can."""
+    return int(np.clip(np.ceil(WINDOW / np.median(np.diff(log.time))), 1, max((log.n - 1) // 5, 1)))

@@ -1,0 +1,83 @@
+"""A frame drawn onto a line by closest points, of which the nearest share counts."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from urbanjax.io.logs.frame import Frame, apart, fit, frame
+from urbanjax.io.logs.line import Line
+
+SETTLED = 1e-6  # of the line's extent: a step that moves points by less is the last
+SLIDES = 15  # most steps that let points slide along the line
+
+
+def refined(
+    points: np.ndarray,
+    course: Line,
+    tree: cKDTree,
+    begin: Frame,
+    limits: tuple[float, float],
+    keep: float,
+    iterations: int,
+) -> tuple[Frame, float]:
+    """The frame that closest points [n, 2] lead to from a first one, and the rms of the share that counts, m.
+
+    The closed form draws points to their feet, which is sure but slow along the line; then steps of least squares
+    across the line (Gauss-Newton) end it, as far as they lessen the rms.
+    """
+    count = max(int(np.ceil(keep * len(points))), 2)
+    here = begin
+    for _ in range(iterations):
+        foot, distance = feet(here.apply(points), course, tree)
+        nearest = np.argpartition(distance, count - 1)[:count]
+        factor, shift, _ = fit(points[nearest], foot[nearest], begin.reflected, limits)
+        before, here = here, frame(complex(factor), complex(shift), begin.reflected)
+        if apart(before, here, points) < SETTLED * course.extent:
+            break
+    rms = _rms(points, course, tree, here, count)
+    for _ in range(SLIDES):
+        after = _across(points, course, tree, here, limits, count)
+        less = _rms(points, course, tree, after, count)
+        if less >= rms:
+            break
+        settled = apart(after, here, points) < SETTLED * course.extent
+        here, rms = after, less
+        if settled:
+            break
+    return here, rms
+
+
+def feet(points: np.ndarray, course: Line, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest points of the line [n, 2] and distances to them [n], m."""
+    near = np.asarray(tree.query(points)[1])
+    base, tangent = course.points[near], course.tangent[near]
+    ahead = np.clip(np.sum((points - base) * tangent, -1), course.behind[near], course.ahead[near])
+    foot = base + ahead[:, None] * tangent
+    return foot, np.linalg.norm(points - foot, axis=-1)
+
+
+def _rms(points: np.ndarray, course: Line, tree: cKDTree, here: Frame, count: int) -> float:
+    distance = feet(here.apply(points), course, tree)[1]
+    return float(np.sqrt(np.mean(np.partition(distance, count - 1)[:count] ** 2)))
+
+
+def _across(
+    points: np.ndarray, course: Line, tree: cKDTree, here: Frame, limits: tuple[float, float], count: int
+) -> Frame:
+    """The frame after one step of least squares on the distances across the line."""
+    mapped = here.apply(points)
+    foot, distance = feet(mapped, course, tree)
+    nearest = np.argpartition(distance, count - 1)[:count]
+    tangent = course.tangent[np.asarray(tree.query(mapped[nearest])[1])]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], -1)
+    middle = mapped[nearest].mean(0)
+    arm = mapped[nearest] - middle
+    columns = [normal[:, 0], normal[:, 1], np.sum(normal * np.stack([-arm[:, 1], arm[:, 0]], -1), -1)]
+    if limits[0] < limits[1]:
+        columns.append(np.sum(normal * arm, -1))
+    off = np.sum(normal * (foot - mapped)[nearest], -1)
+    x, y, turn, *growth = np.linalg.lstsq(np.stack(columns, -1), off, rcond=1e-9)[0]
+    scale = float(np.clip(here.scale * (1 + (growth[0] if growth else 0.0)), *limits))
+    after = Frame(scale, here.reflected, here.rotation + float(turn), (0.0, 0.0))
+    # Turned and scaled about the middle of the points, which then moves by (x, y).
+    shift = middle + np.array([x, y]) - after.apply(here.inverse().apply(middle))
+    return Frame(scale, here.reflected, after.rotation, (float(shift[0]), float(shift[1])))
