@@ -8,7 +8,7 @@ import pytest
 
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
 from urbanjax.io.studies.recorded import drive as driving
-from urbanjax.io.studies.recorded import figures, goals, matching, scenes, study, table
+from urbanjax.io.studies.recorded import figures, goals, matching, routes, scenes, study, table
 from urbanjax.io.studies.recorded.drive import Drive
 from urbanjax.io.studies.recorded.study import RecordedStudy
 from urbanjax.roadmap.builders import straight
@@ -95,10 +95,10 @@ def test_a_route_leads_on_and_changes_lanes_only_where_it_must(graph, scene):
     assert not np.asarray(route.change).any()
     assert links[0] == scene.starts[0].link
     assert float(graph.length[links].sum()) >= 300.0
-    assert not np.asarray(scenes.find_route(graph, 1, (0, *scenes.beside(graph, 0))).change).any()
-    assert np.asarray(scenes.find_route(graph, 1, (0,)).change).sum() == 1
+    assert not np.asarray(routes.find_route(graph, 1, (0, *routes.beside(graph, 0))).change).any()
+    assert np.asarray(routes.find_route(graph, 1, (0,)).change).sum() == 1
     with pytest.raises(RouteError, match=r"none of the links \[0\] can be reached from link 2"):
-        scenes.find_route(graph, 2, (0,))
+        routes.find_route(graph, 2, (0,))
 
 
 def test_matching_follows_a_lane_change_and_ignores_noise(graph):
@@ -207,7 +207,6 @@ def made(scene="a", name="1", way=50.0, human=40.0, contact=Contact.NONE, at_fau
         10 - t,
         4.8,
         1.9,
-        np.zeros(11, int),
         0.1,
     )
 

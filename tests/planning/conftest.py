@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning import macro, micro, primitives
 from urbanjax.planning.params import PlanningParams
+from urbanjax.planning.plan import Memory, plan
 from urbanjax.planning.previous import nothing
 from urbanjax.roadmap.extended import ExtendedGraph, Progress
 from urbanjax.types import Prediction, VehicleState, as_arrays
@@ -120,11 +120,10 @@ class Scenes:
 
 
 def run(window, progress, state, prediction, previous_macro, previous_micro, vehicle, params, relaxation):
-    """The three planning stages in a row."""
-    wide = macro.plan(window, progress, state, prediction, previous_macro, vehicle, params.macro, relaxation)
-    fan = primitives.generate(window, progress, state, wide, vehicle, params.primitives)
-    near = micro.select(fan, prediction, previous_micro, vehicle, params.micro, relaxation)
-    return wide, fan, near
+    """What each of the three planning stages came to."""
+    memory = Memory(previous_macro, previous_micro)
+    made = plan(window, progress, state, prediction, memory, vehicle, params, relaxation)
+    return made.macro, made.fan, made.micro
 
 
 class Planner:

@@ -74,17 +74,4 @@ def draw_macro(axes: Any, window: ExtendedGraph, plan: MacroPlan) -> Any:
     return draw_lattice(axes, nodes, np.asarray(plan.marginal), there, path=path, size=22.0)
 
 
-def draw_boxes(axes: Any, boxes: np.ndarray, colour: str) -> None:
-    """Vehicles from above. Args: boxes [n, 5] of x, y (m) of the centre, heading (rad), length, width (m)."""
-    from matplotlib.patches import Polygon
-
-    for x, y, heading, length, width in boxes:
-        ahead = 0.5 * length * np.array([np.cos(heading), np.sin(heading)])
-        aside = 0.5 * width * np.array([-np.sin(heading), np.cos(heading)])
-        corners = [ahead + aside, aside - ahead, -ahead - aside, ahead - aside]
-        axes.add_patch(
-            Polygon(np.array(corners) + np.array([x, y]), closed=True, facecolor=colour, alpha=0.85, lw=0, zorder=6)
-        )
-
-
 _world = jax.jit(to_world)

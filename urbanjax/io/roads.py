@@ -1,11 +1,14 @@
-"""Road graphs seen from above."""
+"""Road graphs and the vehicles on them seen from above."""
 
 from typing import Any
 
+import jax
 import numpy as np
 
+from urbanjax.geometry.boxes import corners
 from urbanjax.io.figures import LINE, ROAD
 from urbanjax.roadmap.graph import RoadGraph, RoadType
+from urbanjax.types import as_arrays
 
 FILLS = {RoadType.JUNCTION: "#dfe7ef", RoadType.HIGHWAY: "#efe9dc", RoadType.RAMP: "#f3e3d3"}
 
@@ -28,3 +31,18 @@ def draw_road(axes: Any, graph: RoadGraph, line: float = 0.6) -> None:
         axes.add_collection(LineCollection(list(border), colors=LINE, linewidths=faint))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.autoscale_view()
+
+
+def draw_boxes(axes: Any, boxes: np.ndarray, colour: str, filled: bool = True) -> None:
+    """Vehicles from above, filled or as outlines.
+
+    Args: boxes [n, 5] of x, y (m) of the centre, heading (rad), length, width (m).
+    """
+    from matplotlib.collections import PolyCollection
+
+    style = {"facecolors": colour, "alpha": 0.85, "lw": 0} if filled else {"facecolors": "none", "lw": 0.8}
+    outlines = _corners(*as_arrays((boxes[:, :2], *boxes[:, 2:].T)))
+    axes.add_collection(PolyCollection(list(np.asarray(outlines)), edgecolors=colour, zorder=6, **style))
+
+
+_corners = jax.jit(corners)

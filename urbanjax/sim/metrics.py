@@ -11,6 +11,7 @@ from urbanjax.geometry.boxes import Box, box, relaxed_box_gap
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
+from urbanjax.traffic.safety.boxes import box_time_to_collision
 from urbanjax.types import Objects, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -118,36 +119,12 @@ def inverse_ttc(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Flo
 def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
     """Time until the ego's box meets another [s] per step, all at constant velocity and heading; 1e3 if never.
 
-    Exact for boxes that do not turn: on each separating axis they overlap during an interval of time, and they
-    collide while all four overlap. Hard only: it jumps where boxes just miss.
+    Hard only: it jumps where boxes just miss.
     """
-    a, b = _boxes(log, vehicle)
-    speed, others = log.ego.speed[:, None], log.traffic
-    vx, vy = others.speed * b.cos - speed * a.cos, others.speed * b.sin - speed * a.sin
-    start, end = jnp.zeros_like(vx), jnp.full_like(vx, FAR)
-    for first, second in ((a, b), (b, a)):
-        turn_cos = first.cos * second.cos + first.sin * second.sin
-        turn_sin = first.cos * second.sin - first.sin * second.cos
-        for x, y, half, along, across in (
-            (first.cos, first.sin, first.half_length, turn_cos, turn_sin),
-            (-first.sin, first.cos, first.half_width, turn_sin, turn_cos),
-        ):
-            reach = half + second.half_length * jnp.abs(along) + second.half_width * jnp.abs(across)
-            enter, leave = _overlap((b.x - a.x) * x + (b.y - a.y) * y, vx * x + vy * y, reach)
-            start, end = jnp.maximum(start, enter), jnp.minimum(end, leave)
-    meets = (start <= end) & others.valid
-    return safe.minimum(jnp.where(meets, start, FAR))
-
-
-def _overlap(distance: Array, speed: Array, reach: Array) -> tuple[Array, Array]:
-    """Interval of time in which |distance + speed t| <= reach; empty as (FAR, -FAR)."""
-    still = jnp.abs(speed) < 1e-6
-    pace = jnp.where(still, 1.0, speed)
-    one, two = (-reach - distance) / pace, (reach - distance) / pace
-    inside = jnp.abs(distance) <= reach
-    enter = jnp.where(still, jnp.where(inside, -FAR, FAR), jnp.minimum(one, two))
-    leave = jnp.where(still, jnp.where(inside, FAR, -FAR), jnp.maximum(one, two))
-    return enter, leave
+    length, width = _size(vehicle, log.time.dtype)
+    heading, speed = log.ego.heading[:, None], log.ego.speed[:, None]
+    ego = Objects(log.centre[:, None], heading, speed, length, width, valid=jnp.ones((1, 1), bool))
+    return safe.minimum(jnp.minimum(box_time_to_collision(ego, log.traffic), FAR))
 
 
 def jerk(log: Log) -> Float[Array, " s"]:

@@ -8,12 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.io.studies import timing
+from urbanjax.io.studies.situation import look
 from urbanjax.planning import plan as plans
-from urbanjax.planning.prediction import predict
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import progress, window
-from urbanjax.roadmap.locate import locate
+from urbanjax.roadmap.extended import progress
 from urbanjax.sim import world as worlds
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.rollout import LoopParams
@@ -40,13 +39,10 @@ def measure(
     planning = as_arrays(loop.stack.planning.replace(primitives=study.fan))
     vehicle, relaxation = loop.stack.vehicle, loop.stack.relaxation
     seen = worlds.observe(loop.sim, lanes, world)
-    road = window(
-        course.extended, progress(course.extended, world.ego.position, world.ego.heading).station, loop.stack.window
-    )
-    here = progress(road, world.ego.position, world.ego.heading)
-    places = locate(course.graph, seen.objects.position, seen.objects.heading, params=loop.stack.locate)
-    future = predict(course.graph, seen.objects, places, planning.prediction)
-    arguments = (road, here, world.ego, future, as_arrays(plans.nothing(planning)), vehicle, planning, relaxation)
+    station = progress(course.extended, world.ego.position, world.ego.heading).station
+    at = look(loop.stack, course, station, world.ego, seen.objects)
+    memory = as_arrays(plans.nothing(planning))
+    arguments = (at.window, at.progress, world.ego, at.prediction, memory, vehicle, planning, relaxation)
     program = jax.jit(plans.plan)
     first = timing.seconds(program, *arguments)
     made, samples = program(*arguments), []
@@ -60,5 +56,5 @@ def measure(
         "plan_first_s": first,
         "plan_candidates": float(made.micro.cost.shape[0]),
         "plan_objects": float(jnp.sum(seen.objects.valid)),
-        "plan_predicted_boxes": float(future.valid.shape[0]),
+        "plan_predicted_boxes": float(at.prediction.valid.shape[0]),
     }

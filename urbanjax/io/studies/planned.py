@@ -12,16 +12,15 @@ import numpy as np
 from urbanjax import stack
 from urbanjax.io import maps
 from urbanjax.io.figures import GOOD, OTHER, figure
-from urbanjax.io.lattices import draw_boxes, draw_macro
-from urbanjax.io.roads import draw_road
+from urbanjax.io.lattices import draw_macro
+from urbanjax.io.roads import draw_boxes, draw_road
 from urbanjax.io.studies.recorded import drive, scenes
+from urbanjax.io.studies.situation import look
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import plan as plans
 from urbanjax.planning.plan import Memory, Plan
-from urbanjax.planning.prediction import predict
 from urbanjax.roadmap.course import Course, course_between
-from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, progress, window
-from urbanjax.roadmap.locate import locate
+from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams
 from urbanjax.sim import lanes as tables
 from urbanjax.sim import world as worlds
 from urbanjax.sim.lanes import Lanes
@@ -119,13 +118,12 @@ def _plan(
     world: WorldState,
     relaxation: Relaxation,
 ) -> tuple[ExtendedGraph, Prediction, Plan]:
-    road = window(course.extended, state.station, params.window)
-    here = progress(road, world.ego.position, world.ego.heading)
-    lanes = locate(course.graph, seen.objects.position, seen.objects.heading, params=params.locate)
-    future = predict(course.graph, seen.objects, lanes, params.planning.prediction)
+    at = look(params, course, state.station, world.ego, seen.objects)
     memory = Memory(state.macro, state.micro)
-    made = plans.plan(road, here, world.ego, future, memory, params.vehicle, params.planning, relaxation)
-    return road, future, made
+    made = plans.plan(
+        at.window, at.progress, world.ego, at.prediction, memory, params.vehicle, params.planning, relaxation
+    )
+    return at.window, at.prediction, made
 
 
 def seen_from_ego(found: Moment) -> Moment:

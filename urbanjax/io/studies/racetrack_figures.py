@@ -9,8 +9,8 @@ import numpy as np
 
 from urbanjax.io import lattices
 from urbanjax.io.figures import GOOD, OTHER, figure
-from urbanjax.io.lattices import draw_boxes, draw_lattice
-from urbanjax.io.roads import draw_road
+from urbanjax.io.lattices import draw_lattice
+from urbanjax.io.roads import draw_boxes, draw_road
 from urbanjax.io.studies.racetrack import Lap
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import macro

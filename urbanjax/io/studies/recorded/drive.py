@@ -17,7 +17,7 @@ from urbanjax.sim import lanes as tables
 from urbanjax.sim.collisions import Collision, Contact
 from urbanjax.sim.lanes import Lanes
 from urbanjax.sim.log import Log
-from urbanjax.sim.rollout import LoopParams, Trace, rollout
+from urbanjax.sim.rollout import LoopParams, rollout
 from urbanjax.sim.scenarios.scenario import traffic
 from urbanjax.sim.signals import always_green
 from urbanjax.sim.world import WorldState
@@ -49,7 +49,6 @@ class Drive:
     human_speed: np.ndarray  # [T] m/s
     length: float  # m, of the vehicle
     width: float  # m
-    decision: np.ndarray  # [T] index of the tree's outcome
     period: float  # s
     reached: bool | None = None  # the goal of a planning problem
 
@@ -71,11 +70,8 @@ def drive(loop: LoopParams, scene: Scene) -> list[Drive]:
     out = program(
         loop, scene.graph, lanes, scene.extended, worlds, scene.vehicle, jnp.asarray(steps), n_steps=int(steps.max())
     )
-    log, trace, collision, off_road, station = jax.device_get(out)
-    return [
-        _read(scene, k, *jax.tree.map(lambda x, k=k: x[k], (log, trace, collision, off_road, station)))
-        for k in range(len(steps))
-    ]
+    out = jax.device_get(out)
+    return [_read(scene, k, *jax.tree.map(lambda x, k=k: x[k], out)) for k in range(len(steps))]
 
 
 def worlds_of(loop: LoopParams, scene: Scene) -> WorldState:
@@ -107,24 +103,24 @@ def _all(
     vehicles: VehicleParams,
     steps: Array,
     n_steps: int,
-) -> tuple[Log, Trace, Collision, Array, Array]:
+) -> tuple[Log, Collision, Array, Array]:
     def one(extended: ExtendedGraph, start: WorldState, vehicle: VehicleParams, count: Array) -> tuple:
         own = loop.replace(stack=loop.stack.replace(vehicle=vehicle), sim=loop.sim.replace(vehicle=vehicle))
-        log, trace = rollout(own, Course(graph, extended), lanes, start, n_steps)
+        log, _ = rollout(own, Course(graph, extended), lanes, start, n_steps)
         # Beyond the end of the record the last step is held: nothing happens any more.
         held = jnp.minimum(jnp.arange(n_steps), count - 1)
-        log, trace = jax.tree.map(lambda x: x[held], (log, trace))
+        log = jax.tree.map(lambda x: x[held], log)
         station = jax.vmap(lambda p, h: progress(extended, p, h).station)(log.centre, log.ego.heading)
         # Where the route has left the map nobody knows where the road is.
         mapped = station + vehicle.length / 2 < extended.length
         margin = jnp.where(mapped, log.road_margin, metrics.FAR)
         off = metrics.off_road(log.replace(road_margin=margin), own.stack.relaxation) > 0.5
-        return log, trace, collisions.first(log, vehicle), off, jnp.minimum(station, extended.length)
+        return log, collisions.first(log, vehicle), off, jnp.minimum(station, extended.length)
 
     return jax.vmap(one)(extended, starts, vehicles, steps)
 
 
-def _read(scene: Scene, k: int, log: Log, trace: Trace, collision: Collision, off_road: Any, station: Any) -> Drive:
+def _read(scene: Scene, k: int, log: Log, collision: Collision, off_road: Any, station: Any) -> Drive:
     start, recording = scene.starts[k], scene.recording
     n, span = start.steps, slice(start.first, start.first + start.steps)
     human, speeds, human_way = np.zeros((0, 3)), np.zeros(0), float("nan")
@@ -153,7 +149,6 @@ def _read(scene: Scene, k: int, log: Log, trace: Trace, collision: Collision, of
         human_speed=speeds,
         length=float(jnp.asarray(scene.vehicle.length)[k]),
         width=float(jnp.asarray(scene.vehicle.width)[k]),
-        decision=np.asarray(trace.decision).argmax(-1)[:n],
         period=float(recording.dt),
         reached=goals.reached(start, scene.graph, path, speed, float(recording.dt)) if start.goals else None,
     )

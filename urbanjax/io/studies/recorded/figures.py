@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from urbanjax.io.figures import BAD, GOOD, OTHER, figure
-from urbanjax.io.roads import draw_road
+from urbanjax.io.roads import draw_boxes, draw_road
 from urbanjax.io.studies.recorded.drive import Drive
 from urbanjax.io.studies.recorded.scenes import Scene
 from urbanjax.io.studies.recorded.table import scenes_of
@@ -29,20 +29,12 @@ def draw_scene(scene: Scene, drives: Sequence[Drive], path: Path) -> None:
             if len(drive.human_path):
                 axes.plot(*drive.human_path[:, :2].T, color=OTHER, lw=2.6, alpha=0.6, label=None if i else "recorded")
             axes.plot(*drive.path[:, :2].T, color=colour, lw=1.1, label=None if i else "stack")
-            _box(axes, drive.path[-1], drive, colour)
+            draw_boxes(axes, np.array([[*drive.path[-1], drive.length, drive.width]]), colour, filled=False)
             if drive.contact_time is not None:
                 k = min(round(drive.contact_time / drive.period), len(drive.path) - 1)
-                axes.plot(*drive.path[k, :2], "x", color=BAD, ms=9, mew=2)
+                axes.plot(*drive.path[k, :2], "x", color=BAD, ms=9, mew=2, zorder=7)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), title=scene.name)
         axes.legend(loc="best")
-
-
-def _box(axes: Any, pose: np.ndarray, drive: Drive, colour: str) -> None:
-    """Where the stack's vehicle ends."""
-    x, y, heading = pose
-    corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) * [drive.length / 2, drive.width / 2]
-    cos, sin = np.cos(heading), np.sin(heading)
-    axes.plot(*(corners @ np.array([[cos, sin], [-sin, cos]]) + [x, y]).T, color=colour, lw=0.8)
 
 
 def draw_summary(drives: Sequence[Drive], path: Path) -> None:

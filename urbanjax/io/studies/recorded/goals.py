@@ -1,7 +1,9 @@
 """Whether a drive reaches what a planning problem asks for (host side)."""
 
+import jax.numpy as jnp
 import numpy as np
 
+from urbanjax.geometry.boxes import corners
 from urbanjax.io.maps import Goal, Region
 from urbanjax.io.studies.recorded.scenes import Start
 from urbanjax.roadmap.graph import RoadGraph
@@ -26,9 +28,11 @@ def _holds(goal: Goal, graph: RoadGraph, path: np.ndarray, speed: np.ndarray, ti
         low, high = goal.heading
         there &= (path[:, 2] - low) % (2 * np.pi) <= high - low
     if goal.links or goal.regions:
+        from matplotlib.path import Path
+
         outlines = [np.concatenate([graph.left[link], np.asarray(graph.right[link])[::-1]]) for link in goal.links]
         outlines += [_outline(region) for region in goal.regions]
-        there &= np.any([_inside(outline, path[:, :2]) for outline in outlines], axis=0)
+        there &= np.any([Path(outline).contains_points(path[:, :2]) for outline in outlines], axis=0)
     return there
 
 
@@ -40,16 +44,5 @@ def _outline(region: Region) -> np.ndarray:
     if region.radius:
         angle = np.arange(32) * (2 * np.pi / 32)
         return centre + region.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    cos, sin = np.cos(region.heading), np.sin(region.heading)
-    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [region.length / 2, region.width / 2]
-    return centre + corners @ np.array([[cos, sin], [-sin, cos]])
-
-
-def _inside(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Which points [n, 2] lie within a polygon [m, 2], by the number of its sides to their right."""
-    a, b = outline, np.roll(outline, -1, axis=0)
-    x, y = points[:, 0, None], points[:, 1, None]
-    crosses = (a[None, :, 1] > y) != (b[None, :, 1] > y)
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    at = a[None, :, 0] + (y - a[None, :, 1]) * ((b - a)[None, :, 0] / rise[None])
-    return (crosses & (x < at)).sum(axis=1) % 2 == 1
+    box = (jnp.asarray(x, float) for x in (centre, region.heading, region.length, region.width))
+    return np.asarray(corners(*box))

@@ -1,8 +1,7 @@
-"""Who is replaced in a recording, where they start, and the route that they are given (host side)."""
+"""Who is replaced in a recording, and where they start (host side)."""
 
 import contextlib
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -12,16 +11,15 @@ import numpy as np
 from urbanjax.geometry.boxes import overlap
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, RoadMap
 from urbanjax.io.studies.recorded.matching import match, near
+from urbanjax.io.studies.recorded.routes import beside, find_route
 from urbanjax.roadmap.extended import ExtendedGraph, ExtendParams, extend, sized
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.roadmap.route import Route, RouteParams, route_between
+from urbanjax.roadmap.route import Route
 from urbanjax.sim.replay import Replay
 from urbanjax.types import RouteError, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
-AHEAD = 200.0  # m, for which a route goes on beyond where the recorded drive ends
 WHEELBASE, OVERHANG = 0.6, 0.2  # of a vehicle's length, where a recording does not say
-LONG_ROUTE = 64  # links
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,49 +156,6 @@ def _scene(
         ego=_stack([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
         vehicle=_stack(vehicles),
     )
-
-
-def find_route(graph: RoadGraph, start: int, goals: Sequence[int]) -> Route:
-    """The cheapest route from a link to one of `goals`, and on for 200 m. Raises RouteError where none is reached."""
-    params = RouteParams(n_links=LONG_ROUTE)
-    found: list[Route] = []
-    for goal in goals:
-        with contextlib.suppress(RouteError):
-            found.append(route_between(graph, start, goal, params=params))
-    if not found:
-        raise RouteError(f"none of the links {list(goals)} can be reached from link {start}")
-    best = min(found, key=lambda route: float(route.cost))
-    last = int(best.link[int(best.valid.sum()) - 1])
-    beyond = _onwards(graph, last)
-    if beyond == last:
-        return best
-    via = () if last == start else (last,)
-    return route_between(graph, start, beyond, via, params=params)
-
-
-def beside(graph: RoadGraph, link: int) -> list[int]:
-    """The lanes beside a link in its direction."""
-    lanes = []
-    for side, there in ((graph.left_link, graph.has_left), (graph.right_link, graph.has_right)):
-        at = link
-        while bool(there[at]) and int(side[at]) not in (link, *lanes):
-            at = int(side[at])
-            lanes.append(at)
-    return lanes
-
-
-def _onwards(graph: RoadGraph, link: int) -> int:
-    """The link 200 m further on, or the last one before the map ends; at forks the one that turns least."""
-    way, seen = 0.0, {link}
-    while way < AHEAD:
-        options = [int(s) for s, has in zip(graph.successor[link], graph.has_successor[link], strict=True) if has]
-        options = [s for s in options if s not in seen]
-        if not options:
-            break
-        link = min(options, key=lambda s: abs(float(graph.heading[s, -1] - graph.heading[s, 0])))
-        seen.add(link)
-        way += float(graph.length[link])
-    return link
 
 
 _extend = jax.jit(extend)
