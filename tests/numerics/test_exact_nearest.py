@@ -26,6 +26,12 @@ def along_a_curve(rng):
     return np.stack([50 * np.cos(angle), 30 * np.sin(2 * angle)], axis=1) + 0.01 * rng.normal(size=(N, 2))
 
 
+def dense(shift):
+    """A quarter of a circle of 10 m at 5 mm: its points are nearly equally far from what is beside it."""
+    angle = np.arange(N) * 0.0005
+    return np.stack([10 * np.cos(angle) + shift, 10 * np.sin(angle)], axis=1)
+
+
 SETS = {
     "alike": lambda rng: (rng.normal(size=(N, 2)), rng.normal(size=(N, 2))),
     "among few": lambda rng: (0.1 * rng.normal(size=(N, 2)), 5 * rng.normal(size=(N, 2))),
@@ -33,6 +39,7 @@ SETS = {
     "apart": lambda rng: (rng.normal(size=(N, 2)), rng.normal(size=(N, 2)) + 40),
     "along a curve": lambda rng: (along_a_curve(rng), along_a_curve(rng)),
     "regular": lambda rng: (np.stack([np.arange(N), np.zeros(N)], 1), np.stack([np.arange(N) + 0.25, np.ones(N)], 1)),
+    "far from a dense curve": lambda rng: (dense(2.0), dense(0.0)),
     "one place": lambda rng: (rng.normal(size=(N, 2)), np.ones((N, 2))),
 }
 

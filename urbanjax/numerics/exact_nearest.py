@@ -1,7 +1,8 @@
 """The k nearest neighbours of every query, none of them in doubt.
 
 Groups of queries are searched for together (`nearest`). Those whose certificate fails go down the tree alone, with a
-box as small as a point, and what even that leaves in doubt is compared with every point.
+box as small as a point. What even that leaves in doubt looks at everything that is nearer than what was found (far from
+densely sampled curves that is much), and at the very last at every point.
 """
 
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from urbanjax.numerics.tree import Tree, at
 
 VISITS = 16  # groups of four points that each group of four queries looks at
 ALONE = 32  # groups that a query alone looks at
+NEARER = 128  # groups nearer than what was found that are looked at
 BLOCK = 256  # queries that go down alone at once
 
 
@@ -47,8 +49,9 @@ def _each(
         done, index, squared = state
         which = lax.dynamic_slice_in_dim(doubt, done, BLOCK)
         queries = at(points, which)
-        near, away, certain = _alone(queries, other, k)
-        near, away = _compared_with_all(queries, certain | (which >= size), other, k, near, away)
+        found = _alone(queries, other, k)
+        found = lax.cond(jnp.all(found[2]), lambda: found, lambda: _nearer(queries, other, k, *found))
+        near, away = _compared_with_all(queries, found[2] | (which >= size), other, k, *found[:2])
         index, squared = (all_.at[:, which].set(some, mode="drop") for all_, some in ((index, near), (squared, away)))
         return done + BLOCK, index, squared
 
@@ -66,6 +69,30 @@ def _alone(queries: Float[Array, "b d"], other: Tree, k: int) -> tuple[Array, Ar
         near, beyond = groups.narrowed(box, boxes, near, beyond, max(ALONE, k))
     index, squared = groups.nearest_of(queries[:, :, None], other.leaves, near, k)
     return index, squared, squared[-1] <= beyond
+
+
+def _nearer(
+    queries: Float[Array, "b d"], other: Tree, k: int, index: Array, squared: Array, certain: Array
+) -> tuple[Array, Array, Array]:
+    """The same from all groups that may hold a point nearer than the k-th found; certain where those are few enough."""
+    box = jnp.concatenate([queries, -queries], axis=1)[:, :, None]
+    reach, rows = squared[-1] * (1 + 1e-4), queries.shape[0]  # what was found is rounded down
+    top = other.levels[-1].shape[0]
+    near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (rows, top))
+    there, few = jnp.ones((rows, top), bool), jnp.ones(rows, bool)
+    for boxes in other.levels[::-1]:
+        apart = groups.gaps_between(box, at(boxes, near))[:, 0]
+        nearer = (apart <= reach[:, None]) & jnp.repeat(there, trees.FAN, axis=1)
+        place = jnp.where(nearer, jnp.cumsum(nearer, axis=1, dtype=jnp.int32) - 1, NEARER)
+        row = jnp.arange(rows, dtype=jnp.int32)[:, None]
+        near = jnp.zeros((rows, NEARER), jnp.int32).at[row, place].set(groups.parts_of(near), mode="drop")
+        count = jnp.sum(nearer, axis=1, dtype=jnp.int32)
+        few, there = few & (count <= NEARER), jnp.arange(NEARER, dtype=jnp.int32)[None] < count[:, None]
+    points = groups.between(queries[:, :, None], at(other.leaves, near))[:, 0]
+    away, pick = lax.top_k(-jnp.where(jnp.repeat(there, trees.FAN, axis=1), points, jnp.inf), k)
+    place = jnp.take_along_axis(groups.parts_of(near), pick, axis=1)
+    better = (few & ~certain)[None]
+    return jnp.where(better, place.T, index), jnp.where(better, -away.T, squared), few | certain
 
 
 def _compared_with_all(

@@ -96,11 +96,11 @@ def narrowed(
     Returns also the squared distance within which no other group has a point. Args: first, number of the first parent
     where own parts are among the others.
     """
-    number = _parts(near)
+    number = parts_of(near)
     parts = own.shape[-1]
     if width >= number.shape[1]:
         return jnp.repeat(number, parts, axis=0), jnp.repeat(beyond, parts)
-    apart = _apart(own, at(boxes, near))
+    apart = gaps_between(own, at(boxes, near))
     floor = 2**20 * jnp.finfo(apart.dtype).tiny
     if first is not None:
         # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
@@ -116,13 +116,13 @@ def nearest_of(
     own: Float[Array, "g d f"], leaves: Float[Array, "h d c"], near: Int[Array, "g v"], k: int
 ) -> tuple[Int[Array, "k n"], Float[Array, "k n"]]:
     """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at."""
-    found, pick = _closest(_between(own, at(leaves, near)), k)
-    number = _parts(near)
+    found, pick = _closest(between(own, at(leaves, near)), k)
+    number = parts_of(near)
     row = jnp.arange(number.shape[0], dtype=jnp.int32)[None, :, None] * number.shape[1]
     return at(number.reshape(-1), row + jnp.stack(pick)).reshape(k, -1), jnp.stack(found).reshape(k, -1)
 
 
-def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) -> Float[Array, "g f c"]:
+def gaps_between(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) -> Float[Array, "g f c"]:
     """Squared distances between the parts of each group and the C = V * H parts of the groups it looks at."""
     g, b, f = own.shape
     d = b // 2
@@ -134,7 +134,7 @@ def _apart(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) -> Float
     return total.reshape(g, f, -1)
 
 
-def _between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Float[Array, "g f c"]:
+def between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Float[Array, "g f c"]:
     """Squared distances between the points of each group and the C = V * H points of the groups it looks at."""
     g, d, f = own.shape
     own = jnp.where(jnp.isfinite(own), own, 0)
@@ -150,6 +150,6 @@ def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
-def _parts(near: Int[Array, "g v"]) -> Int[Array, "g c"]:
+def parts_of(near: Int[Array, "g v"]) -> Int[Array, "g c"]:
     """The numbers of the C = V * FAN parts of the groups looked at."""
     return (near[:, :, None] * FAN + jnp.arange(FAN, dtype=jnp.int32)[None, None]).reshape(near.shape[0], -1)
