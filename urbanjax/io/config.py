@@ -106,7 +106,7 @@ def _convert(spec: dataclasses.Field, default: Any, value: Any, key: str, source
     if isinstance(default, enum.Enum):
         return _member(type(default), value, key)
     if isinstance(default, tuple):
-        return _grid(default, value, key, spec.metadata)
+        return _grid(spec, default, value, key)
     if value is None and (default is None or type(None) in typing.get_args(spec.type)):
         return None
     return _scalar(default, value, key, _choices(spec), spec.metadata.get("range"))
@@ -125,14 +125,14 @@ def _member(kind: type[enum.Enum], value: Any, key: str) -> enum.Enum:
     return names[value.lower()]
 
 
-def _grid(default: tuple, value: Any, key: str, metadata: Mapping[str, Any]) -> tuple:
+def _grid(spec: dataclasses.Field, default: tuple, value: Any, key: str) -> tuple:
     if not isinstance(value, list | tuple):
         raise ConfigError(f"'{key}' must be a list, not {value!r}")
-    if not value:
+    if not value and default:
         raise ConfigError(f"'{key}' must not be empty")
-    first = default[0] if default else 0.0
+    first = default[0] if default else typing.get_args(spec.type)[0]()
     free = -1.0 if isinstance(first, float) else first  # elements of a grid may be negative
-    choices, limits = metadata.get("choices"), metadata.get("range")
+    choices, limits = spec.metadata.get("choices"), spec.metadata.get("range")
     return tuple(_scalar(free, item, f"{key}[{i}]", choices, limits) for i, item in enumerate(value))
 
 

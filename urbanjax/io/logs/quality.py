@@ -61,7 +61,7 @@ def quality(log: VehicleLog, params: QualityParams = DEFAULT) -> Quality:
     period = np.diff(log.time)
     step = np.hypot(*np.diff(log.position, axis=0).T)
     again = step <= params.same
-    moving = _moving(log, params)
+    held = stuck(log, params)
     low, high = np.quantile(log.position, [0.01, 0.99], axis=0)
     frozen = float(np.hypot(*(high - low))) < params.frozen_extent
     counts = np.unique(log.position, axis=0, return_counts=True)[1]
@@ -78,11 +78,11 @@ def quality(log: VehicleLog, params: QualityParams = DEFAULT) -> Quality:
         roughness=roughness(log.take(measured)),
         interpolated=int((~measured).sum()),
         repeated=int((again & (period > 0)).sum()),
-        repeated_moving=int((again & (period > 0) & moving[1:]).sum()),
+        repeated_moving=int(held.sum()),
         tied=int(counts[counts > 1].sum()),
         places=int((counts > 1).sum()),
         duplicated=int((again & (period <= 0)).sum()),
-        longest_stuck=_longest(log.time, again & moving[1:]),
+        longest_stuck=_longest(log.time, held[1:]),
         frozen=frozen,
         dead_speed=bool(not frozen and speed is not None and len(speed) and speed.max() <= 1e-6),
         verdict="",
@@ -127,6 +127,12 @@ def _longest(time: np.ndarray, again: np.ndarray) -> float:
     """Longest time between samples at one position, s."""
     first = np.maximum.accumulate(np.where(np.concatenate([[True], ~again]), np.arange(len(time)), 0))
     return float((time - time[first]).max())
+
+
+def stuck(log: VehicleLog, params: QualityParams = DEFAULT) -> np.ndarray:
+    """Which samples [n] repeat the position of the one before while the vehicle moves."""
+    again = np.hypot(*np.diff(log.position, axis=0).T) <= params.same
+    return np.concatenate([[False], again & (np.diff(log.time) > 0)]) & _moving(log, params)
 
 
 def coarseness(found: Sequence[Quality]) -> list[float]:

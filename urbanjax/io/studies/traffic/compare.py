@@ -1,0 +1,205 @@
+"""Teams against each other, pair by pair: divergences with intervals and nulls, and distances between their routes."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Any, no_type_check
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from urbanjax.io.studies.traffic.study import TrafficStudy
+from urbanjax.io.studies.traffic.teams import Teams
+from urbanjax.numerics import masked
+from urbanjax.traffic import similarity
+from urbanjax.traffic.course.areas import inside
+from urbanjax.traffic.divergence.conditional import Conditional, conditional
+from urbanjax.traffic.divergence.dimension import effective_dimension
+from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
+from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
+from urbanjax.traffic.resampling import Interval, LapSwap, interval, lap_swap
+from urbanjax.types import as_arrays
+
+Tick = Callable[[str, float | None], None]
+
+
+@no_type_check
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """P ordered pairs of T teams, K values of k, A areas."""
+
+    pairs: Pairs
+    ks: tuple[int, ...]  # a single 0 for adaptive neighbourhoods
+    estimate: Estimate  # [P, K]
+    interval: Interval  # [P, K + 1], the last one of the mean distance
+    swap: LapSwap  # observed [P, K + 1], null [P, S, K + 1]: divergences, and the conditional one for the middle k
+    given: Conditional  # [P, K], P(x | z)
+    dimension: np.ndarray  # [T]
+    routes: similarity.Similarity  # [P], against the line through the other's samples
+    samples: dict[str, np.ndarray]  # mean, rmse, hausdorff [P] m, against the other's samples
+    areas: dict[str, np.ndarray]  # value, mean, rmse [A, P]; valid [A, P]; samples [A, T]
+
+    @property
+    def middle(self) -> int:
+        """Which of the values of k is shown where there is room for one."""
+        return len(self.ks) // 2
+
+
+def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
+    """All comparisons of the teams."""
+    pairs, key = all_pairs(len(teams.names)), jax.random.key(study.seed)
+    params = as_arrays(study.teams.divergence)
+    points, valid = jnp.asarray(teams.points), jnp.asarray(teams.valid)
+    arrays = points, valid, jnp.asarray(teams.offset), _bins(study, teams)[0]
+    tick("divergences", 0.1)
+    estimate = _divergence(points, valid, params, pairs, key)
+    tick("P(x | z)", 0.2)
+    given = _conditional(arrays[2], arrays[3], valid, _bins(study, teams)[1], params, pairs, key)
+    tick("intervals", 0.3)
+    found = _interval(points, valid, _blocks(study, teams), params, as_arrays(study.teams.resampling), pairs, key)
+    tick("laps dealt out anew", 0.6)
+    swap = _swapped(study, teams, params, arrays, pairs)
+    tick("routes", 0.8)
+    first, second = (np.array(side) for side in zip(*pairs, strict=True))
+    return Comparison(
+        pairs=pairs,
+        ks=(0,) if params.form == "adaptive" else params.ks,
+        estimate=jax.device_get(estimate),
+        interval=jax.device_get(found),
+        swap=swap,
+        given=jax.device_get(given),
+        dimension=np.asarray(_dimension(points, valid)),
+        routes=jax.device_get(_routes(points[first], points[second], valid[first], valid[second])),
+        samples={name: np.asarray(v) for name, v in _distances(points, valid, pairs).items()},
+        areas=_by_area(teams, params, pairs, key),
+    )
+
+
+_divergence = jax.jit(divergence, static_argnums=3)
+_conditional = jax.jit(conditional, static_argnums=(3, 5))
+_dimension = jax.jit(effective_dimension)
+
+
+@jax.jit
+def _routes(x: Array, y: Array, x_mask: Array, y_mask: Array) -> similarity.Similarity:
+    return jax.lax.map(lambda pair: similarity.between_lines(*pair), (x, y, x_mask, y_mask))
+
+
+def _nearest(points: Array, valid: Array, pairs: Pairs) -> tuple[Array, Array]:
+    """Distance [P, n] of each sample to the nearest one of the other team, and which count."""
+    away, found = distances(points, pairs, neighbours(points, valid, pairs, (1,)))
+    return away[:, 0], found[:, 0]
+
+
+@partial(jax.jit, static_argnums=2)
+def _distances(points: Array, valid: Array, pairs: Pairs) -> dict[str, Array]:
+    """Eq. 33 and its relatives over the samples, [P] each."""
+    away, found = _nearest(points, valid, pairs)
+    return {
+        "mean": masked.mean(away, found),
+        "rmse": masked.rms(away, found),
+        "hausdorff": masked.largest(away, found),
+    }
+
+
+@partial(jax.jit, static_argnums=5)
+def _interval(
+    points: Array, valid: Array, block: Array, params: DivergenceParams, resampling: Any, pairs: Pairs, key: Array
+) -> Interval:
+    """Intervals of divergences and of the mean distance; all teams keep the same blocks."""
+
+    def statistic(mask: Array) -> tuple[Array, Array]:
+        found = divergence(points, mask, params, pairs, key)
+        away, near = _nearest(points, mask, pairs)
+        mean = masked.mean(away, near)[:, None]
+        return jnp.concatenate([found.value, mean], 1), jnp.concatenate([found.valid, near.any(1, keepdims=True)], 1)
+
+    return interval(statistic, valid, block, jax.random.fold_in(key, 1), resampling, paired=True)
+
+
+def _swapped(study: TrafficStudy, teams: Teams, params: DivergenceParams, arrays: tuple, pairs: Pairs) -> LapSwap:
+    """The null of each pair; P on the first axis."""
+    runs = int(teams.runs.max())
+    rng = np.random.default_rng(study.seed)
+    found = []
+    for i, j in pairs:
+        counts = teams.runs[[i, j]]
+        deals = np.zeros((study.teams.deals, 2 * runs), bool)
+        dealt = _deals(int(counts[0]), int(counts[1]), study.teams.deals, rng)
+        deals[: len(dealt), : counts[0]] = dealt[:, : counts[0]]
+        deals[: len(dealt), runs : runs + counts[1]] = dealt[:, counts[0] :]
+        run = np.concatenate([teams.run[i], teams.run[j] + runs])
+        pooled = tuple(jnp.concatenate([a[i], a[j]]) for a in arrays)
+        swap = _deal(*pooled, jnp.asarray(run), jnp.asarray(deals[: len(dealt)]), params, _bins(study, teams)[1])
+        found.append(jax.device_get(swap))
+    least = min(len(swap.null) for swap in found)
+    found = [swap.replace(null=swap.null[:least]) for swap in found]
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+
+
+@partial(jax.jit, static_argnums=7)
+def _deal(
+    points: Array, valid: Array, offset: Array, station_bin: Array, run: Array, deals: Array, params: Any, bins: int
+) -> LapSwap:
+    def statistic(mask: Array) -> tuple[Array, Array]:
+        one, key = ((0, 1),), jax.random.key(0)
+        whole = divergence(jnp.stack([points, points]), mask, params, one, key)
+        sides = jnp.stack([offset, offset]), jnp.stack([station_bin, station_bin])
+        given = conditional(*sides, mask, bins, params, one, key)
+        values, fine = (whole.value[0], given.value[0]), (whole.valid[0], given.valid[0])
+        return jnp.concatenate(values), jnp.concatenate(fine)
+
+    return lap_swap(statistic, run, valid, deals)
+
+
+def _deals(first: int, second: int, most: int, rng: np.random.Generator) -> np.ndarray:
+    """Which of first + second runs the first team gets [S, first + second], as they were driven first."""
+    total = first + second
+    every = itertools.combinations(range(total), first)
+    listed = list(itertools.islice(every, most + 1))
+    if len(listed) > most:  # too many to go through: as driven, and random ones
+        listed = [tuple(range(first))] + [tuple(rng.permutation(total)[:first]) for _ in range(most - 1)]
+    return np.array([[r in chosen for r in range(total)] for chosen in listed])
+
+
+def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:
+    """The station bin of each sample, and how many there are."""
+    count = max(round(teams.length / float(study.teams.bin_length)), 1)
+    return jnp.clip(jnp.asarray(teams.station * (count / teams.length), jnp.int32), 0, count - 1), count
+
+
+def _blocks(study: TrafficStudy, teams: Teams) -> Array:
+    """The block of each sample: its piece of the course, or its run."""
+    count = study.teams.resampling.blocks
+    if study.teams.blocks == "runs":
+        return jnp.asarray(teams.run % count)
+    return jnp.clip(jnp.asarray(teams.station * (count / teams.length), jnp.int32), 0, count - 1)
+
+
+def _by_area(teams: Teams, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, np.ndarray]:
+    """Divergence, mean and root mean square distance in each area, [A, P]."""
+    within = jax.vmap(lambda station: inside(teams.areas, station))(jnp.asarray(teams.station))
+    masks = jnp.moveaxis(within, 1, 0) & jnp.asarray(teams.valid)[None]
+    found = _each_area(jnp.asarray(teams.points), masks, params, pairs, key)
+    return {name: np.asarray(value) for name, value in found.items()}
+
+
+@partial(jax.jit, static_argnums=3)
+def _each_area(points: Array, masks: Array, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, Array]:
+    def area(mask: Array) -> dict[str, Array]:
+        found = divergence(points, mask, params, pairs, key)
+        away, near = _nearest(points, mask, pairs)
+        middle = found.value.shape[1] // 2
+        return {
+            "value": found.value[:, middle],
+            "valid": found.valid[:, middle],
+            "mean": masked.mean(away, near),
+            "rmse": masked.rms(away, near),
+            "near": near.any(1),
+            "samples": mask.sum(1),
+        }
+
+    return jax.lax.map(area, masks)

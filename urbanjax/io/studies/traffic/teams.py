@@ -1,0 +1,145 @@
+"""Drives of teams on one course, sampled alike: the arrays that all comparisons work on."""
+
+import dataclasses
+from typing import no_type_check
+
+import jax
+import numpy as np
+
+from urbanjax.io.logs import LogError, VehicleLog
+from urbanjax.io.logs.resample import by_length
+from urbanjax.io.studies.traffic.sources import Material
+from urbanjax.io.studies.traffic.study import CourseStudy, TeamStudy, TrafficStudy
+from urbanjax.traffic.course.areas import Areas, areas
+from urbanjax.traffic.course.laps import laps
+from urbanjax.traffic.course.line import place
+from urbanjax.traffic.course.sections import sections
+from urbanjax.types import ConfigError, as_arrays
+from urbanjax.types.errors import TrafficError
+
+BUCKET = 256  # samples that arrays are padded to multiples of
+GAP = 1  # samples that do not count between two runs, so that no line joins them
+
+_place = jax.jit(place, static_argnames=("closed", "block"))
+_laps = jax.jit(laps, static_argnames="closed")
+
+
+@no_type_check
+@dataclasses.dataclass(frozen=True)
+class Teams:
+    """T teams with up to n samples each, in the order driven, run after run."""
+
+    names: list[str]  # T
+    points: np.ndarray  # [T, n, 2] m from the origin
+    origin: np.ndarray  # [2] m
+    valid: np.ndarray  # [T, n] bool
+    run: np.ndarray  # [T, n] int, which of the team's runs
+    station: np.ndarray  # [T, n] m along the line
+    offset: np.ndarray  # [T, n] m beside it, left positive
+    speed: np.ndarray  # [T, n] m/s, from positions and times
+    lap_times: list[np.ndarray]  # T times [runs] s
+    line: np.ndarray  # [P, 2] m from the origin
+    length: float  # m
+    closed: bool
+    areas: Areas
+    dropped: dict[str, int]  # samples that were left out, and why
+
+    @property
+    def runs(self) -> np.ndarray:
+        """How many runs each team has [T]."""
+        return np.where(self.valid, self.run, -1).max(1) + 1
+
+
+def stack(study: TrafficStudy, material: Material) -> Teams:
+    """The logs by team, cut into laps where they hold several, at even spacing. Raises LogError for a lone team."""
+    line = material.line if material.line is not None else middle(material.logs, study.teams)
+    origin = np.round(line.mean(0))
+    line = (line - origin).astype(np.float32)
+    counts = np.ones(len(line), bool)
+    team_names = list(dict.fromkeys(log.team for log in material.logs))
+    if len(team_names) < 2:
+        raise LogError(f"a comparison needs two teams or more; the logs have {', '.join(team_names)}")
+    dropped = {"interpolated": material.interpolated, "standing": 0, "in gaps, s": 0}
+    drives: dict[str, list[np.ndarray]] = {name: [] for name in team_names}
+    times: dict[str, list[float]] = {name: [] for name in team_names}
+    length = 0.0
+    for log in material.logs:
+        if study.teams.spacing:
+            even = by_length(log, study.teams.spacing, study.teams.longest_gap)
+            dropped["standing"] += even.standing
+            dropped["in gaps, s"] += round(even.gap_time)
+            log = even.log
+        samples, seconds, length = _placed(log, line, counts, origin, material.closed, study.course)
+        drives[log.team] += samples
+        times[log.team] += seconds
+    n = max(sum(len(part) + GAP for part in parts) for parts in drives.values())
+    n = -(-n // BUCKET) * BUCKET
+    table, run = np.zeros((len(team_names), n, 5)), np.zeros((len(team_names), n), int)
+    valid = np.zeros((len(team_names), n), bool)
+    for t, name in enumerate(team_names):
+        at = 0
+        for k, part in enumerate(drives[name]):
+            table[t, at : at + len(part)], run[t, at : at + len(part)] = part, k
+            valid[t, at : at + len(part)] = True
+            at += len(part) + GAP
+    return Teams(
+        names=team_names,
+        points=table[..., :2].astype(np.float32),
+        origin=origin,
+        valid=valid,
+        run=run,
+        station=table[..., 2].astype(np.float32),
+        offset=table[..., 3].astype(np.float32),
+        speed=table[..., 4].astype(np.float32),
+        lap_times=[np.array(times[name]) for name in team_names],
+        line=line,
+        length=length,
+        closed=material.closed,
+        areas=named_areas(study.course, line, length, material.closed),
+        dropped=dropped,
+    )
+
+
+def _placed(
+    log: VehicleLog, line: np.ndarray, counts: np.ndarray, origin: np.ndarray, closed: bool, course: CourseStudy
+) -> tuple[list[np.ndarray], list[float], float]:
+    """Samples [n, 5] (x, y, station, offset, speed) of each run of a log, the runs' times, the length of the line."""
+    n = -(-log.n // BUCKET) * BUCKET
+    points = np.zeros((n, 2), np.float32)
+    points[: log.n] = log.position - origin
+    mask = np.arange(n) < log.n
+    at = _place(points, mask, line, counts, closed=closed)
+    time = np.pad(log.time - log.time[0], (0, n - log.n), mode="edge").astype(np.float32)
+    found = _laps(at.station, time, mask, at.length, as_arrays(course.laps), closed=closed)
+    step = np.hypot(*np.diff(log.position, axis=0).T)
+    speed = np.interp(log.time, 0.5 * (log.time[1:] + log.time[:-1]), step / np.diff(log.time))
+    columns = np.stack([*points.T, np.asarray(at.station), np.asarray(at.offset)], axis=1)[: log.n]
+    rows = np.concatenate([columns, speed[:, None]], axis=1)
+    complete = np.asarray(found.complete)
+    if complete.sum() < 2:  # one run, as it was logged
+        return [rows], [float(log.time[-1] - log.time[0])], float(at.length)
+    lap = np.asarray(found.lap)[: log.n]
+    which = np.flatnonzero(complete)
+    return [rows[lap == k] for k in which], np.asarray(found.time)[which].tolist(), float(at.length)
+
+
+def middle(logs: list[VehicleLog], study: TeamStudy) -> np.ndarray:
+    """The first drive [P, 2], m, at even spacing, in the place of a reference line."""
+    return by_length(logs[0], max(study.spacing, 1.0), study.longest_gap).log.position
+
+
+def named_areas(course: CourseStudy, line: np.ndarray, length: float, closed: bool) -> Areas:
+    """The areas of the config, or straights and curves. Raises ConfigError for one that is no name:from:to."""
+    named = []
+    for text in course.areas:
+        parts = text.rsplit(":", 2)
+        try:
+            named.append((parts[0], float(parts[1]), float(parts[2])))
+        except (IndexError, ValueError) as error:
+            raise ConfigError(f"'course.areas': {text!r} is not name:from:to, with stations in m") from error
+    if named:
+        return areas(named, length)
+    try:
+        return sections(line, course.sections, closed)
+    except TrafficError:  # too short for two sections
+        return areas([("course", 0.0, length)], length)
