@@ -34,6 +34,7 @@ LONG = (
     "registration",
     "localization",
     "sim",
+    "traffic",
     "roadmap",
     "real_data",
 )

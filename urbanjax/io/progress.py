@@ -36,7 +36,7 @@ def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    shown = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
+    shown = Table(title=escape(title), title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for i, name in enumerate(columns):
         shown.add_column(escape(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
     for row in zip(*columns.values(), strict=True):

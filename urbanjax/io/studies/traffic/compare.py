@@ -21,7 +21,7 @@ from urbanjax.traffic.divergence.dimension import effective_dimension
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
 from urbanjax.traffic.resampling import Interval, LapSwap, interval, lap_swap
-from urbanjax.types import as_arrays
+from urbanjax.types import ConfigError, as_arrays
 
 Tick = Callable[[str, float | None], None]
 
@@ -128,7 +128,7 @@ def _swapped(study: TrafficStudy, teams: Teams, params: DivergenceParams, arrays
     for i, j in pairs:
         counts = teams.runs[[i, j]]
         deals = np.zeros((study.teams.deals, 2 * runs), bool)
-        dealt = _deals(int(counts[0]), int(counts[1]), study.teams.deals, rng)
+        dealt = (_swaps if teams.paired else _deals)(int(counts[0]), int(counts[1]), study.teams.deals, rng)
         deals[: len(dealt), : counts[0]] = dealt[:, : counts[0]]
         deals[: len(dealt), runs : runs + counts[1]] = dealt[:, counts[0] :]
         run = np.concatenate([teams.run[i], teams.run[j] + runs])
@@ -165,6 +165,18 @@ def _deals(first: int, second: int, most: int, rng: np.random.Generator) -> np.n
     return np.array([[r in chosen for r in range(total)] for chosen in listed])
 
 
+def _swaps(first: int, second: int, most: int, rng: np.random.Generator) -> np.ndarray:
+    """The same where runs belong together in pairs: each pair is swapped or not. Raises ConfigError for single runs."""
+    if first != second:
+        raise ConfigError(f"'teams.paired': the teams have {first} and {second} runs; paired ones have equally many")
+    if 2**first <= most:
+        swapped = np.array(list(itertools.product((False, True), repeat=first)))
+    else:
+        swapped = rng.random((most, first)) < 0.5
+        swapped[0] = False
+    return np.concatenate([~swapped, swapped], axis=1)
+
+
 def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:
     """The station bin of each sample, and how many there are."""
     count = max(round(teams.length / float(study.teams.bin_length)), 1)
@@ -172,11 +184,12 @@ def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:
 
 
 def _blocks(study: TrafficStudy, teams: Teams) -> Array:
-    """The block of each sample: its piece of the course, or its run."""
+    """The block of each sample: its piece of the course, each with as many samples of all teams, or its run."""
     count = study.teams.resampling.blocks
     if study.teams.blocks == "runs":
         return jnp.asarray(teams.run % count)
-    return jnp.clip(jnp.asarray(teams.station * (count / teams.length), jnp.int32), 0, count - 1)
+    ends = np.quantile(teams.station[teams.valid], np.arange(1, count) / count)
+    return jnp.asarray(np.searchsorted(ends, teams.station), jnp.int32)
 
 
 def _by_area(teams: Teams, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, np.ndarray]:

@@ -73,8 +73,7 @@ def draw_routes(teams: Teams, path: Path) -> None:
         left.add_collection(parts)
         left.set(title="a  spread of the teams' mean offsets", xlabel="x [m]", ylabel="y [m]")
         left.autoscale()
-        if np.ptp(line[:, 1]) > 0.05 * np.ptp(line[:, 0]):
-            left.set_aspect("equal", "datalim")
+        left.set_aspect("equal", "datalim")
         canvas.colorbar(parts, ax=left, label="standard deviation [m]", shrink=0.8)
         _shade(right, teams)
         for name, values, colour in zip(teams.names, mean, colours(len(teams.names)), strict=True):
@@ -114,7 +113,7 @@ def draw_distributions(teams: Teams, path: Path) -> None:
 
 
 def draw_null(teams: Teams, found: Comparison, path: Path) -> None:
-    """How far each pair is above the mean of all deals of its laps, beside the other deals: whole and given the station."""
+    """How far each pair is above the mean of all deals of its laps, beside the others: whole and given the station."""
     c, last = found.middle, len(found.ks)
     labels = [f"{teams.names[i]} | {teams.names[j]}" for i, j in found.pairs]
     where = np.arange(len(labels))

@@ -41,6 +41,7 @@ class TeamStudy:
     resampling: ResamplingParams = ResamplingParams()
     blocks: str = static(default="stations", metadata={"choices": BLOCKS})  # what intervals keep or leave together
     deals: int = static(default=50, metadata={"range": (2, 100_000)})  # of laps, at most
+    paired: bool = static(default=False)  # run k of all teams belongs together (rollouts: always), and is only swapped
 
 
 @pytree
@@ -64,7 +65,9 @@ class OffsetStudy:
     offset: float = field(default=2.0, metadata={"range": (1e-3, 1e3)})  # m, of the frame of the first team
     apart: float = field(default=0.02, metadata={"range": (1e-4, 10.0)})  # m, standard deviation of the others
     length: float = field(default=200.0, metadata={"range": (10.0, 1e4)})  # m of the lap
-    spacings: tuple[float, ...] = (1.0, 0.3, 0.1, 0.06, 0.03, 0.01, 0.003, 0.001)  # m
+    spacings: tuple[float, ...] = field(  # m
+        default=(1.0, 0.3, 0.1, 0.06, 0.03, 0.01, 0.003, 0.001), metadata={"range": (1e-4, 100.0)}
+    )
     ks: tuple[int, ...] = static(default=(1, 5))
 
 

@@ -62,7 +62,7 @@ def pair_table(teams: Teams, found: Comparison) -> Columns:
             add("null mean", _or_none(found.swap.null[p, :, c].mean(), found.swap.valid[p, c]))
             add("excess", _or_none(found.swap.excess[p, c], found.swap.valid[p, c]))
             add("p", _or_none(found.swap.share[p, c], found.swap.valid[p, c]))
-            add("P(x|z)", _or_none(found.given.value[p, min(c, found.given.value.shape[1] - 1)], True))
+            add("P(x|z)", _or_none(found.given.value[p, c], found.given.valid[p, c]))
             add("ties own", found.estimate.ties_own[p, c])
             add("ties other", found.estimate.ties_other[p, c])
             for name, values in found.samples.items():
@@ -91,10 +91,11 @@ def matrices(teams: Teams, found: Comparison) -> dict[str, Columns]:
     c, last = found.middle, len(found.ks)
     k = f"k = {found.ks[c]}" if found.ks[c] else "adaptive k"
     value, low, high = found.estimate.value[:, c], found.interval.low[:, c], found.interval.high[:, c]
-    sure = found.estimate.valid[:, c] & found.interval.valid[:, c]
-    divergences = [
-        f"{v:.2f} [{a:.2f}, {b:.2f}]" if ok else "-" for v, a, b, ok in zip(value, low, high, sure, strict=True)
+    ranges = [
+        f" [{a:.2f}, {b:.2f}]" if ok else "" for a, b, ok in zip(low, high, found.interval.valid[:, c], strict=True)
     ]
+    good = found.estimate.valid[:, c]
+    divergences = [f"{v:.2f}{text}" if ok else "-" for v, text, ok in zip(value, ranges, good, strict=True)]
 
     def excess(column: int) -> list[str]:
         swap = found.swap

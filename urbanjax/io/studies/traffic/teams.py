@@ -42,6 +42,7 @@ class Teams:
     length: float  # m
     closed: bool
     areas: Areas
+    paired: bool  # run k of all teams began alike
     dropped: dict[str, int]  # samples that were left out, and why
 
     @property
@@ -96,6 +97,7 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
         length=length,
         closed=material.closed,
         areas=named_areas(study.course, line, length, material.closed),
+        paired=study.teams.paired or material.rollouts is not None,
         dropped=dropped,
     )
 
