@@ -12,10 +12,13 @@ from jaxtyping import Bool, Float, Int
 
 from urbanjax.geometry import polyline
 from urbanjax.numerics import masked, safe
+from urbanjax.numerics import tree as trees
+from urbanjax.numerics.exact_nearest import nearest_among
 from urbanjax.traffic.course.line import ring
 from urbanjax.types import pytree
 
 BLOCK = 256  # queries at once
+PAIRS = 2**22  # up to which all are compared
 
 
 @pytree
@@ -100,11 +103,24 @@ def nearest(
     y_mask: Bool[Array, " m"],
     block: int = BLOCK,
 ) -> tuple[Int[Array, " n"], Int[Array, " m"]]:
-    """For each sample the index of the nearest one in the other set, the first on a tie; 0 if there is none.
+    """For each sample the index of the nearest one in the other set; 0 if there is none.
 
-    Not differentiable. Args: block, samples of x at once; memory is that many times m.
+    Of several whose squared distances are equal, or for large sets within 1e-5, any. Not differentiable. Args: block,
+    samples of x at once where all pairs are compared; memory is that many times m.
     """
     x, y = jax.lax.stop_gradient((x, y))
+    if x.shape[0] * y.shape[0] <= PAIRS:
+        return _of_all_pairs(x, y, x_mask, y_mask, block)
+    depth = trees.depth(max(x.shape[0], y.shape[0]))
+    one, two = trees.build(x.T, x_mask, depth), trees.build(y.T, y_mask, depth)
+    to_y, to_x = nearest_among(one, two, 1)[0][0], nearest_among(two, one, 1)[0][0]
+    return jnp.where(to_y < y.shape[0], to_y, 0), jnp.where(to_x < x.shape[0], to_x, 0)
+
+
+def _of_all_pairs(
+    x: Array, y: Array, x_mask: Array, y_mask: Array, block: int
+) -> tuple[Int[Array, " n"], Int[Array, " m"]]:
+    """The same by the distances of all pairs, which is faster for small sets."""
     n, m = x.shape[0], y.shape[0]
     block = min(block, n)
     count = -(-n // block)

@@ -48,6 +48,16 @@ def test_the_nearest_samples_are_the_trees():
     np.testing.assert_array_equal(to_x, cKDTree(X).query(Y)[1])
 
 
+def test_large_sets_are_searched_by_trees():
+    x, y = route(2100, 2), route(2000, 3)
+    assert len(x) * len(y) > similarity.PAIRS
+    x_mask, y_mask = np.arange(2100) < 2050, np.arange(2000) < 1900
+    found = samples(x, y, x_mask, y_mask)
+    there, back = cKDTree(y[y_mask]).query(x[x_mask])[0], cKDTree(x[x_mask]).query(y[y_mask])[0]
+    np.testing.assert_allclose([found.there.mean, found.back.mean], [there.mean(), back.mean()], rtol=1e-5)
+    np.testing.assert_allclose([found.there.hausdorff, found.back.hausdorff], [there.max(), back.max()], rtol=1e-5)
+
+
 def test_samples_carry_a_quarter_of_the_spacing_and_lines_do_not():
     x = np.stack([np.linspace(10, 90, 60), np.zeros(60)], -1).astype(np.float32)
     y = np.stack([2.5 * np.arange(43), np.zeros(43)], -1).astype(np.float32)

@@ -22,6 +22,7 @@ from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
 from urbanjax.traffic.resampling import Interval, LapSwap, interval, lap_swap
 from urbanjax.types import ConfigError, as_arrays
+from urbanjax.types.errors import TrafficError
 
 Tick = Callable[[str, float | None], None]
 
@@ -56,6 +57,8 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     arrays = points, valid, jnp.asarray(teams.offset), _bins(study, teams)[0]
     tick("divergences", 0.1)
     estimate = _divergence(points, valid, params, pairs, key)
+    if params.ties == "error":
+        _refuse_ties(teams, estimate, pairs)
     tick("P(x | z)", 0.2)
     given = _conditional(arrays[2], arrays[3], valid, _bins(study, teams)[1], params, pairs, key)
     tick("intervals", 0.3)
@@ -76,6 +79,17 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
         samples={name: np.asarray(v) for name, v in _distances(points, valid, pairs).items()},
         areas=_by_area(teams, params, pairs, key),
     )
+
+
+def _refuse_ties(teams: Teams, estimate: Estimate, pairs: Pairs) -> None:
+    """Raise TrafficError where samples coincide, naming the first pair that they are of."""
+    own, other = (np.asarray(ties).max(1) for ties in (estimate.ties_own, estimate.ties_other))
+    for (i, j), mine, theirs in zip(pairs, own, other, strict=True):
+        if mine or theirs:
+            raise TrafficError(
+                f"teams: {mine} samples of {teams.names[i]} coincide with their neighbours, {theirs} with those of "
+                f"{teams.names[j]}: set 'teams.divergence.ties' to dedupe, jitter or floor"
+            )
 
 
 _divergence = jax.jit(divergence, static_argnums=3)

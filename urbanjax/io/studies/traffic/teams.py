@@ -18,6 +18,7 @@ from urbanjax.types import ConfigError, as_arrays
 from urbanjax.types.errors import TrafficError
 
 BUCKET = 256  # samples that arrays are padded to multiples of
+RETURNED, LEAST_RETURNED = 0.05, 5.0  # of the extent of a drive, and m: so near to its start it has come round
 GAP = 1  # samples that do not count between two runs, so that no line joins them
 
 _place = jax.jit(place, static_argnames=("closed", "block"))
@@ -53,7 +54,7 @@ class Teams:
 
 def stack(study: TrafficStudy, material: Material) -> Teams:
     """The logs by team, cut into laps where they hold several, at even spacing. Raises LogError for a lone team."""
-    line = material.line if material.line is not None else middle(material.logs, study.teams)
+    line = material.line if material.line is not None else middle(material.logs, study.teams, material.closed)
     origin = np.round(line.mean(0))
     line = (line - origin).astype(np.float32)
     counts = np.ones(len(line), bool)
@@ -125,9 +126,18 @@ def _placed(
     return [rows[lap == k] for k in which], np.asarray(found.time)[which].tolist(), float(at.length)
 
 
-def middle(logs: list[VehicleLog], study: TeamStudy) -> np.ndarray:
-    """The first drive [P, 2], m, at even spacing, in the place of a reference line."""
-    return by_length(logs[0], max(study.spacing, 1.0), study.longest_gap).log.position
+def middle(logs: list[VehicleLog], study: TeamStudy, closed: bool) -> np.ndarray:
+    """The first drive [P, 2], m, at even spacing, in the place of a reference line; if closed, its first lap."""
+    path = by_length(logs[0], max(study.spacing, 1.0), study.longest_gap).log.position
+    away = np.hypot(*(path - path[0]).T)
+    step = np.diff(path, axis=0, append=path[-1:])
+    here = (away < max(RETURNED * away.max(), LEAST_RETURNED)) & (step @ step[0] >= 0)
+    left = int(np.argmin(here))
+    back = left + int(np.argmax(here[left:]))
+    if not closed or not here[back]:
+        return path
+    gone = back + int(np.argmin(np.append(here[back:], False)))
+    return path[: back + int(np.argmin(away[back:gone]))]
 
 
 def named_areas(course: CourseStudy, line: np.ndarray, length: float, closed: bool) -> Areas:
