@@ -13,6 +13,7 @@ from urbanjax.io.studies.traffic import (
     offset,
     platoon,
     platoon_figures,
+    platoon_tables,
     sources,
     tables,
     teams,
@@ -103,10 +104,10 @@ def followed(params: TrafficStudy, material: Material, run: Run) -> list[report.
     """Platoons: gains, headways, flow."""
     with progress.bar("platoons"):
         found = platoon.platoons(material.logs, params.platoon, float(params.safety.ttc_threshold), params.seed)
-    rows, vehicles = platoon.table(found), platoon.vehicle_table(found)
+    rows, vehicles = platoon_tables.table(found), platoon_tables.vehicle_table(found)
     run.table("platoons", rows)
     run.table("vehicles", vehicles)
-    run.summary(platoon.summary(found))
+    run.summary(platoon_tables.summary(found))
     progress.show_table("platoons", rows)
     platoon_figures.draw_summary(found, run.path("platoons.png"))
     platoon_figures.draw_speeds(found, run.path("speeds.png"))

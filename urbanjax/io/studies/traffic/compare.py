@@ -1,7 +1,6 @@
 """Teams against each other, pair by pair: divergences with intervals and nulls, and distances between their routes."""
 
 import dataclasses
-import itertools
 from collections.abc import Callable
 from functools import partial
 from typing import Any, no_type_check
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from urbanjax.io.studies.traffic.deals import swapped
 from urbanjax.io.studies.traffic.study import TrafficStudy
 from urbanjax.io.studies.traffic.teams import Teams
 from urbanjax.numerics import masked
@@ -20,8 +20,8 @@ from urbanjax.traffic.divergence.conditional import Conditional, conditional
 from urbanjax.traffic.divergence.dimension import effective_dimension
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
-from urbanjax.traffic.resampling import Interval, LapSwap, interval, lap_swap
-from urbanjax.types import ConfigError, as_arrays
+from urbanjax.traffic.resampling import Interval, LapSwap, interval
+from urbanjax.types import as_arrays
 from urbanjax.types.errors import TrafficError
 
 Tick = Callable[[str, float | None], None]
@@ -54,17 +54,18 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     pairs, key = all_pairs(len(teams.names)), jax.random.key(study.seed)
     params = as_arrays(study.teams.divergence)
     points, valid = jnp.asarray(teams.points), jnp.asarray(teams.valid)
-    arrays = points, valid, jnp.asarray(teams.offset), _bins(study, teams)[0]
+    station_bin, bins = _bins(study, teams)
+    arrays = points, valid, jnp.asarray(teams.offset), station_bin
     tick("divergences", 0.1)
     estimate = _divergence(points, valid, params, pairs, key)
     if params.ties == "error":
         _refuse_ties(teams, estimate, pairs)
     tick("P(x | z)", 0.2)
-    given = _conditional(arrays[2], arrays[3], valid, _bins(study, teams)[1], params, pairs, key)
+    given = _conditional(arrays[2], station_bin, valid, bins, params, pairs, key)
     tick("intervals", 0.3)
     found = _interval(points, valid, _blocks(study, teams), params, as_arrays(study.teams.resampling), pairs, key)
     tick("laps dealt out anew", 0.6)
-    swap = _swapped(study, teams, params, arrays, pairs)
+    swap = swapped(study, teams, params, arrays, bins, pairs)
     tick("routes", 0.8)
     first, second = (np.array(side) for side in zip(*pairs, strict=True))
     return Comparison(
@@ -132,63 +133,6 @@ def _interval(
         return jnp.concatenate([found.value, mean], 1), jnp.concatenate([found.valid, near.any(1, keepdims=True)], 1)
 
     return interval(statistic, valid, block, jax.random.fold_in(key, 1), resampling, paired=True)
-
-
-def _swapped(study: TrafficStudy, teams: Teams, params: DivergenceParams, arrays: tuple, pairs: Pairs) -> LapSwap:
-    """The null of each pair; P on the first axis."""
-    runs = int(teams.runs.max())
-    rng = np.random.default_rng(study.seed)
-    found = []
-    for i, j in pairs:
-        counts = teams.runs[[i, j]]
-        deals = np.zeros((study.teams.deals, 2 * runs), bool)
-        dealt = (_swaps if teams.paired else _deals)(int(counts[0]), int(counts[1]), study.teams.deals, rng)
-        deals[: len(dealt), : counts[0]] = dealt[:, : counts[0]]
-        deals[: len(dealt), runs : runs + counts[1]] = dealt[:, counts[0] :]
-        run = np.concatenate([teams.run[i], teams.run[j] + runs])
-        pooled = tuple(jnp.concatenate([a[i], a[j]]) for a in arrays)
-        swap = _deal(*pooled, jnp.asarray(run), jnp.asarray(deals[: len(dealt)]), params, _bins(study, teams)[1])
-        found.append(jax.device_get(swap))
-    least = min(len(swap.null) for swap in found)
-    found = [swap.replace(null=swap.null[:least]) for swap in found]
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-
-
-@partial(jax.jit, static_argnums=7)
-def _deal(
-    points: Array, valid: Array, offset: Array, station_bin: Array, run: Array, deals: Array, params: Any, bins: int
-) -> LapSwap:
-    def statistic(mask: Array) -> tuple[Array, Array]:
-        one, key = ((0, 1),), jax.random.key(0)
-        whole = divergence(jnp.stack([points, points]), mask, params, one, key)
-        sides = jnp.stack([offset, offset]), jnp.stack([station_bin, station_bin])
-        given = conditional(*sides, mask, bins, params, one, key)
-        values, fine = (whole.value[0], given.value[0]), (whole.valid[0], given.valid[0])
-        return jnp.concatenate(values), jnp.concatenate(fine)
-
-    return lap_swap(statistic, run, valid, deals)
-
-
-def _deals(first: int, second: int, most: int, rng: np.random.Generator) -> np.ndarray:
-    """Which of first + second runs the first team gets [S, first + second], as they were driven first."""
-    total = first + second
-    every = itertools.combinations(range(total), first)
-    listed = list(itertools.islice(every, most + 1))
-    if len(listed) > most:  # too many to go through: as driven, and random ones
-        listed = [tuple(range(first))] + [tuple(rng.permutation(total)[:first]) for _ in range(most - 1)]
-    return np.array([[r in chosen for r in range(total)] for chosen in listed])
-
-
-def _swaps(first: int, second: int, most: int, rng: np.random.Generator) -> np.ndarray:
-    """The same where runs belong together in pairs: each pair is swapped or not. Raises ConfigError for single runs."""
-    if first != second:
-        raise ConfigError(f"'teams.paired': the teams have {first} and {second} runs; paired ones have equally many")
-    if 2**first <= most:
-        swapped = np.array(list(itertools.product((False, True), repeat=first)))
-    else:
-        swapped = rng.random((most, first)) < 0.5
-        swapped[0] = False
-    return np.concatenate([~swapped, swapped], axis=1)
 
 
 def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:

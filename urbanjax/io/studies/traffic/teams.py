@@ -53,7 +53,10 @@ class Teams:
 
 
 def stack(study: TrafficStudy, material: Material) -> Teams:
-    """The logs by team, cut into laps where they hold several, at even spacing. Raises LogError for a lone team."""
+    """The logs by team, cut into laps where they hold several, at even spacing.
+
+    Raises LogError for a lone team, ConfigError for one with too few samples.
+    """
     line = material.line if material.line is not None else middle(material.logs, study.teams, material.closed)
     origin = np.round(line.mean(0))
     line = (line - origin).astype(np.float32)
@@ -84,6 +87,7 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
             table[t, at : at + len(part)], run[t, at : at + len(part)] = part, k
             valid[t, at : at + len(part)] = True
             at += len(part) + GAP
+    _enough(team_names, valid.sum(1), max(study.teams.divergence.ks))
     return Teams(
         names=team_names,
         points=table[..., :2].astype(np.float32),
@@ -101,6 +105,16 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
         paired=study.teams.paired or material.rollouts is not None,
         dropped=dropped,
     )
+
+
+def _enough(names: list[str], count: np.ndarray, k: int) -> None:
+    """Raise ConfigError for a team without as many neighbours of a sample as are asked for."""
+    t = int(np.argmin(count))
+    if count[t] <= k:
+        raise ConfigError(
+            f"'teams.divergence.ks': {names[t]} has {count[t]} samples, too few for k = {k}; "
+            "take a smaller k, or a smaller 'teams.spacing'"
+        )
 
 
 def _placed(
