@@ -33,6 +33,7 @@ class Gain:
     ratio: float  # of the standard deviations of speed
     low: float
     high: float
+    peaks: float  # ratio of the greatest deviations
 
 
 @no_type_check
@@ -149,8 +150,9 @@ def _gain(
     block = min(max(round(float(study.block) / float(study.period)), 1), n)
     level = as_arrays(study.resampling.level)
     _, chain = _intervals(key, *arrays, block, study.resampling.draws, level)
-    ratio = float(_gains(*arrays).chain_l2)
-    return Gain(float(time[part.start]), float(time[part.stop - 1]), ratio, float(chain[0]), float(chain[1]))
+    found = _gains(*arrays)
+    start, end = float(time[part.start]), float(time[part.stop - 1])
+    return Gain(start, end, float(found.chain_l2), float(chain[0]), float(chain[1]), float(found.chain_linf))
 
 
 def _flows(

@@ -21,6 +21,7 @@ def table(found: list[Platoon]) -> dict[str, list[Any]]:
             "tail [m/s]": float(p.spread[-1]),
             "gain, whole": p.whole.ratio,
             "interval": _text(p.whole),
+            "of peaks": p.whole.peaks,
             "gain, all moving": p.moving.ratio if p.moving else None,
             "interval ": _text(p.moving),
             "time gap, median [s]": float(np.median(p.headway[1:][close])) if close.any() else None,
@@ -74,6 +75,7 @@ def summary(found: list[Platoon]) -> dict[str, float]:
         for stretch, gain in (("whole", p.whole), ("moving", p.moving)):
             if gain:
                 numbers[f"{name}_gain_{stretch}"] = gain.ratio
+                numbers[f"{name}_gain_of_peaks_{stretch}"] = gain.peaks
                 numbers[f"{name}_gain_{stretch}_low"] = gain.low
                 numbers[f"{name}_gain_{stretch}_high"] = gain.high
     return numbers
