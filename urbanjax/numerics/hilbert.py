@@ -5,28 +5,34 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 WORD = 31  # bits of a sort key
+CODE = 30  # bits of a code, at most
 
 
-def order(points: Float[Array, "d n"], valid: Bool[Array, " n"]) -> Int[Array, " n"]:
+def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], passes: int = 2) -> Int[Array, " n"]:
     """The indices [N] of points along the curve over their bounding cube; those of invalid points come last.
 
-    Two sorts of one word each, by the lower and then by the upper half of the code, with the index in the rest of the
-    word: sorting pairs takes XLA five times as long. What the index leaves bounds the steps per axis (1024 for N up to
-    32768 in three dimensions).
+    Sorts of one word each, by parts of the code from the lowest upwards, with the index in the rest of the word:
+    sorting pairs takes XLA five times as long. What the index leaves bounds the steps per axis: with two passes 1024
+    for N up to 32768 in three dimensions, or for N up to a million in two. Args: passes, as many as 30 bits need at most.
     """
     d, n = points.shape
     index_bits = max((n - 1).bit_length(), 1)
-    half = min(WORD - 1 - index_bits, 15)
-    bits = 2 * half // d
+    part = WORD - 1 - index_bits
+    passes = min(passes, -(-CODE // part))
+    bits = min(part * passes, CODE) // d
     low = jnp.min(jnp.where(valid[None], points, jnp.inf), axis=1, keepdims=True)
     high = jnp.max(jnp.where(valid[None], points, -jnp.inf), axis=1, keepdims=True)
     size = jnp.maximum(jnp.max(high - low), jnp.finfo(points.dtype).tiny)
     steps = jnp.where(valid[None], jnp.clip((points - low) / size * 2**bits, 0, 2**bits - 1), 0).astype(jnp.int32)
     code = code_of(steps, bits)
     index, ones = jnp.arange(n, dtype=jnp.int32), (1 << index_bits) - 1
-    first = lax.sort(((code & ((1 << half) - 1)) << index_bits) | index) & ones
-    upper = jnp.where(valid, code >> half, 1 << half)
-    return first[lax.sort((upper[first] << index_bits) | index) & ones]
+    found = index
+    for k in range(passes):
+        key = (code >> (k * part)) & ((1 << part) - 1)
+        if k == passes - 1:
+            key = jnp.where(valid, key, 1 << part)
+        found = found[lax.sort((key[found] << index_bits) | index) & ones]
+    return found
 
 
 def code_of(cell: Int[Array, "d n"], bits: int) -> Int[Array, " n"]:

@@ -11,6 +11,7 @@ from urbanjax.numerics import safe
 from urbanjax.numerics import tree as trees
 from urbanjax.numerics.exact_nearest import nearest_among
 
+FINE = 3  # passes of sorting: samples lie so densely along curves that two do not tell them apart
 Pairs = tuple[tuple[int, int], ...]
 
 
@@ -25,7 +26,7 @@ def neighbours(
     """
     points = lax.stop_gradient(points)
     depth, most = trees.depth(points.shape[1]), max(ranks)
-    forest = lax.map(lambda team: trees.build(team[0].T, team[1], depth), (points, valid))
+    forest = lax.map(lambda team: trees.build(team[0].T, team[1], depth, FINE), (points, valid))
 
     def search(pair: tuple[Array, Array]) -> Array:
         own, other = (jax.tree.map(operator.itemgetter(team), forest) for team in pair)
