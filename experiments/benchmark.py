@@ -4,7 +4,7 @@ import json
 
 from urbanjax.io import cli, progress
 from urbanjax.io.runs import Run
-from urbanjax.io.studies import benchmark, candidates, registration_speed
+from urbanjax.io.studies import benchmark, candidates, divergence_speed, divergence_speed_figure, registration_speed
 from urbanjax.io.studies.benchmark import BenchStudy
 
 
@@ -23,6 +23,10 @@ def main(params: BenchStudy, run: Run) -> None:
     columns = registration_speed.table(numbers)
     run.table("registration", columns)
     progress.show_table("registration", columns)
+    columns = divergence_speed.table(numbers)
+    run.table("divergence", columns)
+    progress.show_table("divergence (warm medians)", columns)
+    divergence_speed_figure.draw(numbers, run.path("divergence.png"))
     facts = run.manifest()
     print(json.dumps({"device": facts["device"], "versions": facts["versions"]}))
 

@@ -13,7 +13,7 @@ def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], passes: int = 2
 
     Sorts of one word each, by parts of the code from the lowest upwards, with the index in the rest of the word:
     sorting pairs takes XLA five times as long. What the index leaves bounds the steps per axis: with two passes 1024
-    for N up to 32768 in three dimensions, or for N up to a million in two. Args: passes, as many as 30 bits need at most.
+    for N up to 32768 in three dimensions, or for N up to a million in two. Args: passes, no more than 30 bits need.
     """
     d, n = points.shape
     index_bits = max((n - 1).bit_length(), 1)

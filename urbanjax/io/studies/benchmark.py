@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax import stack
-from urbanjax.io.studies import candidates, plan_speed, precision, registration_speed, timing
+from urbanjax.io.studies import candidates, divergence_speed, plan_speed, precision, registration_speed, timing
 from urbanjax.io.studies.candidates import CandidateStudy
+from urbanjax.io.studies.divergence_speed import DivergenceSpeedStudy
 from urbanjax.io.studies.plan_speed import PlanSpeedStudy
 from urbanjax.io.studies.registration_speed import RegistrationStudy
 from urbanjax.roadmap.costs_to_go import costs_to_go
@@ -52,6 +53,7 @@ class BenchStudy:
     registration: RegistrationStudy = RegistrationStudy()
     plan: PlanSpeedStudy = PlanSpeedStudy()
     candidates: CandidateStudy = CandidateStudy(sweep=(20,))  # of `few`: no further sizes
+    divergence: DivergenceSpeedStudy = DivergenceSpeedStudy()
     precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
     seed: int = static(default=0)
 
@@ -83,7 +85,8 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     batch = jax.tree.map(lambda x: x[: study.scenarios], starts.world)
     out.update(precision.flips(loop, course, lanes, batch, study.precision_steps))
     out.update(candidates.measure(study.candidates, tick))
-    return out | registration_speed.measure(study.registration, tick)
+    out.update(registration_speed.measure(study.registration, tick))
+    return out | divergence_speed.measure(study.divergence, tick)
 
 
 def _stack_step(
