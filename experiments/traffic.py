@@ -29,8 +29,8 @@ DIVERGENCE = (
 PLATOONS = (
     "Gain: the deviation of speed of the last vehicle over that of the first; above 1 a disturbance grows. Intervals "
     "by blocks of time drawn together for all vehicles. A standing start dominates short recordings, hence the gain "
-    "while all drive beside it. Gaps are distances between positions less the length of a vehicle, looked at while the "
-    "follower drives."
+    "while all drive beside it. Gaps are distances between positions less the length of a vehicle, looked at while all "
+    "drive."
 )
 OFFSET = (
     "Teams drive one lap alike; the frame of the first is offset. Once routes are apart by more than the distance r to "
@@ -52,7 +52,7 @@ def compared(params: TrafficStudy, material: Material, run: Run) -> list[report.
     run.table("pairs", tables.pair_table(stacked, found))
     run.table("areas", tables.area_table(stacked, found))
     run.summary(tables.summary(stacked, found))
-    progress.show_table("teams", rows)
+    progress.show_table("teams", {name: rows[name] for name in tables.SHORT})
     matrices = tables.matrices(stacked, found)
     for caption, columns in matrices.items():
         progress.show_table(caption, columns)
@@ -108,7 +108,7 @@ def followed(params: TrafficStudy, material: Material, run: Run) -> list[report.
     run.table("platoons", rows)
     run.table("vehicles", vehicles)
     run.summary(platoon_tables.summary(found))
-    progress.show_table("platoons", rows)
+    progress.show_table("platoons", {name: rows[name] for name in platoon_tables.SHORT})
     platoon_figures.draw_summary(found, run.path("platoons.png"))
     platoon_figures.draw_speeds(found, run.path("speeds.png"))
     items = [

@@ -4,6 +4,8 @@ import jax
 import numpy as np
 import pytest
 
+from tests.io.logs.formats import OPENACC, form
+from urbanjax.io import logs
 from urbanjax.traffic.flow import passages, stability, transfer
 
 pytestmark = pytest.mark.real_data
@@ -20,13 +22,15 @@ def platoon(data_dir):
         pytest.skip(f"no platoons at {folder}")
 
     def read(name):
-        lines = (folder / f"{name}.csv").read_text().splitlines()
-        order, columns = lines[1].split(",")[1:], lines[5].split(",")
-        rows = np.array([[float(cell or "nan") for cell in line.split(",")] for line in lines[6:]])
-        np.testing.assert_allclose(np.diff(rows[:, 0]), 1 / RATE, atol=1e-6)
-        chosen = [i for i, column in enumerate(columns) if column.startswith("Speed")]
-        speed = rows[:, chosen].T.astype(np.float32)
-        return [order[int(columns[i][5:]) - 1] for i in chosen], speed, np.isfinite(speed)
+        found = logs.read(folder / f"{name}.csv", form(OPENACC))
+        ticks = [np.round(log.time * RATE).astype(int) for log in found]
+        for log, tick in zip(found, ticks, strict=True):
+            np.testing.assert_allclose(log.time, tick / RATE, atol=1e-6)
+        first = min(tick[0] for tick in ticks)
+        speed = np.full((len(found), max(tick[-1] for tick in ticks) - first + 1), np.nan, np.float32)
+        for row, log, tick in zip(speed, found, ticks, strict=True):
+            row[tick - first] = log.speed
+        return [log.vehicle for log in found], speed, np.isfinite(speed)
 
     return read
 

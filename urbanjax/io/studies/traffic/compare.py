@@ -20,8 +20,8 @@ from urbanjax.traffic.divergence.conditional import Conditional, conditional
 from urbanjax.traffic.divergence.dimension import effective_dimension
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
-from urbanjax.traffic.resampling import Interval, LapSwap, interval
-from urbanjax.types import as_arrays
+from urbanjax.traffic.resampling import Interval, LapSwap, ResamplingParams, interval
+from urbanjax.types import ConfigError, as_arrays
 from urbanjax.types.errors import TrafficError
 
 Tick = Callable[[str, float | None], None]
@@ -63,7 +63,8 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     tick("P(x | z)", 0.2)
     given = _conditional(arrays[2], station_bin, valid, bins, params, pairs, key)
     tick("intervals", 0.3)
-    found = _interval(points, valid, _blocks(study, teams), params, as_arrays(study.teams.resampling), pairs, key)
+    block, resampling = _blocks(study, teams)
+    found = _interval(points, valid, block, params, as_arrays(resampling), pairs, key)
     tick("laps dealt out anew", 0.6)
     swap = swapped(study, teams, params, arrays, bins, pairs)
     tick("routes", 0.8)
@@ -141,13 +142,16 @@ def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:
     return jnp.clip(jnp.asarray(teams.station * (count / teams.length), jnp.int32), 0, count - 1), count
 
 
-def _blocks(study: TrafficStudy, teams: Teams) -> Array:
+def _blocks(study: TrafficStudy, teams: Teams) -> tuple[Array, ResamplingParams]:
     """The block of each sample: its piece of the course, each with as many samples of all teams, or its run."""
-    count = study.teams.resampling.blocks
+    params = study.teams.resampling
     if study.teams.blocks == "runs":
-        return jnp.asarray(teams.run % count)
-    ends = np.quantile(teams.station[teams.valid], np.arange(1, count) / count)
-    return jnp.asarray(np.searchsorted(ends, teams.station), jnp.int32)
+        runs = int(teams.runs.max())
+        if runs < 2:
+            raise ConfigError("'teams.blocks': every team has one run, which gives no blocks; set it to stations")
+        return jnp.asarray(teams.run), params.replace(blocks=runs)
+    ends = np.quantile(teams.station[teams.valid], np.arange(1, params.blocks) / params.blocks)
+    return jnp.asarray(np.searchsorted(ends, teams.station), jnp.int32), params
 
 
 def _by_area(teams: Teams, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, np.ndarray]:

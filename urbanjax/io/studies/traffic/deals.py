@@ -1,6 +1,7 @@
 """Laps of two teams dealt out anew, in every way or in some, and what the divergences come to then."""
 
 import itertools
+import math
 from functools import partial
 from typing import Any
 
@@ -17,12 +18,15 @@ from urbanjax.traffic.divergence.neighbours import Pairs
 from urbanjax.traffic.resampling import LapSwap, lap_swap
 from urbanjax.types import ConfigError
 
+FEWEST = 6  # ways to deal that tell something: two runs of each of two teams
+
 
 def swapped(
     study: TrafficStudy, teams: Teams, params: DivergenceParams, arrays: tuple[Array, ...], bins: int, pairs: Pairs
 ) -> LapSwap:
     """Divergences and those given the station [P, 2 K], and what they are when laps are dealt out otherwise.
 
+    Not valid where there are fewer than FEWEST ways to deal them out.
     Args: arrays, points, mask, offset and station bin of the teams.
     """
     runs = int(teams.runs.max())
@@ -36,8 +40,9 @@ def swapped(
         deals[: len(dealt), runs : runs + counts[1]] = dealt[:, counts[0] :]
         run = np.concatenate([teams.run[i], teams.run[j] + runs])
         pooled = tuple(jnp.concatenate([a[i], a[j]]) for a in arrays)
-        swap = _deal(*pooled, jnp.asarray(run), jnp.asarray(deals[: len(dealt)]), params, bins)
-        found.append(jax.device_get(swap))
+        swap = jax.device_get(_deal(*pooled, jnp.asarray(run), jnp.asarray(deals[: len(dealt)]), params, bins))
+        ways = 2 ** int(counts[0]) if teams.paired else math.comb(int(counts.sum()), int(counts[0]))
+        found.append(swap.replace(valid=swap.valid & (ways >= FEWEST)))
     least = min(len(swap.null) for swap in found)
     found = [swap.replace(null=swap.null[:least]) for swap in found]
     return jax.tree.map(lambda *leaves: np.stack(leaves), *found)

@@ -13,7 +13,7 @@ from urbanjax.io.figures import LINE, OTHER, figure, shades
 from urbanjax.io.studies.traffic.study import OffsetStudy
 from urbanjax.traffic.divergence.estimate import DivergenceParams, divergence
 from urbanjax.traffic.divergence.neighbours import distances, neighbours
-from urbanjax.types import as_arrays
+from urbanjax.types import ConfigError, as_arrays
 
 NAMES = "ABCDEFGHIJKLMNOPQRST"
 
@@ -32,7 +32,13 @@ class Sweep:
 
 
 def sweep(study: OffsetStudy, seed: int) -> Sweep:
-    """The study at every spacing."""
+    """The study at every spacing. Raises ConfigError where a lap has too few samples."""
+    coarsest = float(study.length) / max(float(spacing) for spacing in study.spacings)
+    if coarsest < 4 * max(study.ks):
+        raise ConfigError(
+            f"'offset.spacings': a lap of {float(study.length):g} m has {coarsest:.0f} samples at the largest, fewer "
+            f"than 4 k = {4 * max(study.ks)}: set a smaller one or a longer 'offset.length'"
+        )
     rng = np.random.default_rng(seed)
     waves = rng.normal(size=(study.teams, 6, 2))
     pairs = tuple((i, j) for i in range(study.teams) for j in range(study.teams))

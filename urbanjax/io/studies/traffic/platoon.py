@@ -1,6 +1,7 @@
 """Platoons: does a disturbance grow from vehicle to vehicle, how close do they drive, how much traffic is that."""
 
 import dataclasses
+from pathlib import Path
 from typing import no_type_check
 
 import jax
@@ -51,7 +52,7 @@ class Platoon:
     whole: Gain
     moving: Gain | None  # while all drive
     spectra: Transfer
-    headway: np.ndarray  # [V, T] s, gap over speed; this and what follows inf, or 0, below the least speed
+    headway: np.ndarray  # [V, T] s, gap over speed; this and what follows inf, or 0, unless all drive
     ttc: np.ndarray  # [V, T] s
     deceleration: np.ndarray  # [V, T] m/s^2, DRAC
     exposed: np.ndarray  # [V] s, TET below 1.5 s
@@ -69,7 +70,9 @@ def platoons(found: list[VehicleLog], study: PlatoonStudy, threshold: float, see
 
 
 def _platoon(members: list[VehicleLog], study: PlatoonStudy, threshold: float, seed: int) -> Platoon:
-    name = " ".join(dict.fromkeys(part for part in (members[0].team, members[0].run) if part))
+    first = members[0]
+    team = first.team if first.team != first.vehicle else ""
+    name = " ".join(dict.fromkeys(part for part in (team, first.run or Path(first.source).stem) if part))
     if len(members) < 2:
         raise LogError(f"{members[0].source}: a platoon has two vehicles or more, this file one: {members[0].vehicle}")
     time, position, located, speed, valid = _common(members, study.period)
@@ -81,8 +84,9 @@ def _platoon(members: list[VehicleLog], study: PlatoonStudy, threshold: float, s
     key = jax.random.key(seed)
     ahead = np.concatenate([speed[:1], speed[:-1]])
     close = tuple(jnp.asarray(x, jnp.float32) for x in (gap, speed, ahead))
-    # Standing, antennas may be closer than a length and speeds are noise: contact is measured while driving.
-    close = (jnp.where(close[1] > study.moving, close[0], jnp.inf), *close[1:])
+    # Standing, antennas may be closer than a length and speeds are noise: contact is measured while all drive.
+    driving = (np.arange(len(time)) >= moving.start) & (np.arange(len(time)) < moving.stop)
+    close = (jnp.where(jnp.asarray(driving)[None], close[0], jnp.inf), *close[1:])
     ttc = time_to_collision(*close)
     counted = ttc, jnp.asarray(valid), jnp.asarray(dt, jnp.float32), jnp.asarray(threshold, jnp.float32)
     flow = _flows(time, position, located, gap, study)

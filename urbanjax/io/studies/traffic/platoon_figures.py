@@ -67,5 +67,7 @@ def draw_summary(found: list[Platoon], path: Path) -> None:
             xlim=(0.03, 1),
         )
         d.set(title="d  time gap above 2 m/s [s], density")
-        e.set(title="e  1 / TTC [1/s], samples closing in", yscale="log")
+        e.set(title="e  1 / TTC [1/s], samples closing in")
+        if any((np.isfinite(p.ttc[1:]) & p.valid[1:]).any() for p in found):
+            e.set_yscale("log")
         f.set(title="f  fundamental diagram (Edie)", xlabel="vehicles/km", ylabel="vehicles/h")

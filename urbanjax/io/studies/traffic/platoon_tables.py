@@ -7,6 +7,8 @@ import numpy as np
 from urbanjax.io.studies.traffic.platoon import Gain, Platoon
 from urbanjax.traffic.flow import transfer
 
+SHORT = ("platoon", "gain, whole", "interval", "gain, all moving", "interval ")  # columns that fit a terminal
+
 
 def table(found: list[Platoon]) -> dict[str, list[Any]]:
     """One row per platoon."""

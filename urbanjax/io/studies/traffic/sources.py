@@ -48,6 +48,7 @@ def gather(study: TrafficStudy, tick: Callable[[str], None]) -> Material:
     else:
         found, line, rollouts = driven(study, tick)
         closed = False
+    _told_apart(found)
     judged = [quality(log, study.quality) for log in found]
     left_out = {q.log: q.verdict for q in judged if q.frozen}
     kept = [log for log, q in zip(found, judged, strict=True) if not q.frozen]
@@ -64,6 +65,18 @@ def gather(study: TrafficStudy, tick: Callable[[str], None]) -> Material:
         alignment = align([log.position for log in kept], line, closed, study.course.frame)
         kept = [alignment.frame.log(log) for log in kept]
     return Material(kept, judged, left_out, samples - sum(log.n for log in kept), line, closed, alignment, rollouts)
+
+
+def _told_apart(found: list[VehicleLog]) -> None:
+    """Raise ConfigError where logs of two files have one name."""
+    sources: dict[str, str] = {}
+    for log in found:
+        first = sources.setdefault(log.name, log.source)
+        if first != log.source:
+            raise ConfigError(
+                f"{first} and {log.source} both hold a log named '{log.name}': let 'format.path' name teams and runs, "
+                "say '{team}/{run}' for files red/1.csv and blue/1.csv"
+            )
 
 
 def read(study: TrafficStudy) -> list[VehicleLog]:

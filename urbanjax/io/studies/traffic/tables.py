@@ -10,6 +10,7 @@ from urbanjax.io.studies.traffic.teams import Teams
 from urbanjax.traffic.flow.passages import gini
 
 Columns = dict[str, list[Any]]
+SHORT = ("team", "runs", "samples", "time of a run [s]", "offset [m]", "effective dimension")  # that fit a terminal
 
 
 def team_table(teams: Teams, found: Comparison) -> Columns:
@@ -62,7 +63,10 @@ def pair_table(teams: Teams, found: Comparison) -> Columns:
             add("null mean", _or_none(found.swap.null[p, :, c].mean(), found.swap.valid[p, c]))
             add("excess", _or_none(found.swap.excess[p, c], found.swap.valid[p, c]))
             add("p", _or_none(found.swap.share[p, c], found.swap.valid[p, c]))
+            at = len(found.ks) + c
             add("P(x|z)", _or_none(found.given.value[p, c], found.given.valid[p, c]))
+            add("P(x|z) excess", _or_none(found.swap.excess[p, at], found.swap.valid[p, at]))
+            add("P(x|z) p", _or_none(found.swap.share[p, at], found.swap.valid[p, at]))
             add("ties own", found.estimate.ties_own[p, c])
             add("ties other", found.estimate.ties_other[p, c])
             for name, values in found.samples.items():

@@ -19,6 +19,8 @@ from urbanjax.types.errors import TrafficError
 
 BUCKET = 256  # samples that arrays are padded to multiples of
 RETURNED, LEAST_RETURNED = 0.05, 5.0  # of the extent of a drive, and m: so near to its start it has come round
+SHORT = 0.05  # of a lap that may be missing where it begins or ends, if the tolerance is more
+LONG = 1.3  # laps from which a log is cut
 GAP = 1  # samples that do not count between two runs, so that no line joins them
 
 _place = jax.jit(place, static_argnames=("closed", "block"))
@@ -77,16 +79,9 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
         samples, seconds, length = _placed(log, line, counts, origin, material.closed, study.course)
         drives[log.team] += samples
         times[log.team] += seconds
-    n = max(sum(len(part) + GAP for part in parts) for parts in drives.values())
-    n = -(-n // BUCKET) * BUCKET
-    table, run = np.zeros((len(team_names), n, 5)), np.zeros((len(team_names), n), int)
-    valid = np.zeros((len(team_names), n), bool)
-    for t, name in enumerate(team_names):
-        at = 0
-        for k, part in enumerate(drives[name]):
-            table[t, at : at + len(part)], run[t, at : at + len(part)] = part, k
-            valid[t, at : at + len(part)] = True
-            at += len(part) + GAP
+    if material.rollouts is not None:
+        dropped["beyond the stations of all"] = _clipped(drives)
+    table, run, valid = _padded(list(drives.values()))
     _enough(team_names, valid.sum(1), max(study.teams.divergence.ks))
     return Teams(
         names=team_names,
@@ -105,6 +100,30 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
         paired=study.teams.paired or material.rollouts is not None,
         dropped=dropped,
     )
+
+
+def _clipped(drives: dict[str, list[np.ndarray]]) -> int:
+    """Leave the stations that all drives of one duration reach, so that progress is no distance; how many went."""
+    parts = [part for each in drives.values() for part in each]
+    low, high = max(part[:, 2].min() for part in parts), min(part[:, 2].max() for part in parts)
+    for name, each in drives.items():
+        drives[name] = [part[(part[:, 2] >= low) & (part[:, 2] <= high)] for part in each]
+    return sum(map(len, parts)) - sum(len(part) for each in drives.values() for part in each)
+
+
+def _padded(drives: list[list[np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Samples [T, n, 5], the run of each [T, n] and which are there [T, n], run after run."""
+    n = max(sum(len(part) + GAP for part in parts) for parts in drives)
+    n = -(-n // BUCKET) * BUCKET
+    table, run = np.zeros((len(drives), n, 5)), np.zeros((len(drives), n), int)
+    valid = np.zeros((len(drives), n), bool)
+    for t, parts in enumerate(drives):
+        at = 0
+        for k, part in enumerate(parts):
+            table[t, at : at + len(part)], run[t, at : at + len(part)] = part, k
+            valid[t, at : at + len(part)] = True
+            at += len(part) + GAP
+    return table, run, valid
 
 
 def _enough(names: list[str], count: np.ndarray, k: int) -> None:
@@ -127,13 +146,14 @@ def _placed(
     mask = np.arange(n) < log.n
     at = _place(points, mask, line, counts, closed=closed)
     time = np.pad(log.time - log.time[0], (0, n - log.n), mode="edge").astype(np.float32)
-    found = _laps(at.station, time, mask, at.length, as_arrays(course.laps), closed=closed)
+    params = course.laps.replace(tolerance=min(float(course.laps.tolerance), SHORT * float(at.length)))
+    found = _laps(at.station, time, mask, at.length, as_arrays(params), closed=closed)
     step = np.hypot(*np.diff(log.position, axis=0).T)
     speed = np.interp(log.time, 0.5 * (log.time[1:] + log.time[:-1]), step / np.diff(log.time))
     columns = np.stack([*points.T, np.asarray(at.station), np.asarray(at.offset)], axis=1)[: log.n]
     rows = np.concatenate([columns, speed[:, None]], axis=1)
     complete = np.asarray(found.complete)
-    if complete.sum() < 2:  # one run, as it was logged
+    if not complete.any() or step.sum() < LONG * float(at.length):  # one run, as it was logged
         return [rows], [float(log.time[-1] - log.time[0])], float(at.length)
     lap = np.asarray(found.lap)[: log.n]
     which = np.flatnonzero(complete)
