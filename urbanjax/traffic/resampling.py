@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from urbanjax.types import field, pytree, static
 
@@ -72,22 +72,38 @@ def interval(
     Args: block of each sample, in [0, params.blocks); paired, whether all teams keep the same blocks (blocks of
     stations rather than of time).
     """
-    half = params.blocks // 2
     value, good = statistic(valid)
+    drawn, fine = lax.map(statistic, half_samples(valid, block, key, params, paired))
+    return spread(value, good, drawn, fine, params)
 
-    def draw(key: Array) -> tuple[Array, Array]:
-        keys = jax.random.split(key, 1 if paired else valid.shape[0])
-        kept = jax.vmap(lambda k: jax.random.permutation(k, params.blocks) < half)(keys)
-        return statistic(
-            valid & jnp.take_along_axis(jnp.broadcast_to(kept, (len(valid), params.blocks)), block, axis=1)
-        )
 
-    drawn, fine = lax.map(draw, jax.random.split(key, params.draws))
-    spread = (drawn - jnp.mean(drawn, axis=0, keepdims=True)) * (half / (params.blocks - half)) ** 0.5
+def half_samples(
+    valid: Bool[Array, "t n"], block: Int[Array, "t n"], key: Array, params: ResamplingParams, paired: bool = False
+) -> Bool[Array, "s t n"]:
+    """The masks of the draws of `interval`, for statistics that are found one by one."""
+    teams = 1 if paired else valid.shape[0]
+
+    def draw(key: Array) -> Array:
+        places = jax.vmap(lambda k: jax.random.permutation(k, params.blocks))(jax.random.split(key, teams))
+        kept = jnp.broadcast_to(places < params.blocks // 2, (valid.shape[0], params.blocks))
+        return valid & jnp.take_along_axis(kept, block, axis=1)
+
+    return lax.map(draw, jax.random.split(key, params.draws))
+
+
+def spread(
+    value: Float[Array, "*q"],
+    good: Bool[Array, "*q"],
+    drawn: Float[Array, "s *q"],
+    fine: Bool[Array, "s *q"],
+    params: ResamplingParams,
+) -> Interval:
+    """The interval around a value, from those of its half samples; good and fine, which values are valid."""
+    half = params.blocks // 2
+    around = (drawn - jnp.mean(drawn, axis=0, keepdims=True)) * (half / (params.blocks - half)) ** 0.5
     tail = (1 - jnp.asarray(params.level, value.dtype)) / 2
-    low, high = (jnp.quantile(spread, q, axis=0) for q in (tail, 1 - tail))
-    deviation = jnp.std(spread, axis=0, ddof=1)
-    return Interval(value - high, value - low, deviation, good & jnp.all(fine, axis=0))
+    low, high = (jnp.quantile(around, q, axis=0) for q in (tail, 1 - tail))
+    return Interval(value - high, value - low, jnp.std(around, axis=0, ddof=1), good & jnp.all(fine, axis=0))
 
 
 def lap_swap(

@@ -69,6 +69,7 @@ def test_known_answers_within_their_stated_errors(estimate, name, n):
     checked(estimate, name, n, 20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWN)
 def test_known_answers_of_many_samples(estimate, name):
     checked(estimate, name, 20_000, 6)
@@ -171,7 +172,7 @@ def test_coincident_samples_have_finite_values_and_gradients():
         jnp.zeros((2, 40, 2)).at[:, 20:].set(jnp.asarray(np.random.default_rng(8).normal(size=(20, 2)), jnp.float32))
     )
     valid = jnp.ones((2, 40), bool)
-    for policy in ("error", "dedupe", "floor"):
+    for policy in ("dedupe", "floor"):  # `error` computes what `dedupe` does
 
         def value(p, policy=policy):
             return divergence(p, valid, DivergenceParams(ties=policy), ONE).value[0, 0]

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import Any, no_type_check
+from typing import no_type_check
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ from urbanjax.traffic.divergence.conditional import Conditional, conditional
 from urbanjax.traffic.divergence.dimension import effective_dimension
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
-from urbanjax.traffic.resampling import Interval, LapSwap, ResamplingParams, interval
+from urbanjax.traffic.resampling import Interval, LapSwap, ResamplingParams, half_samples, spread
 from urbanjax.types import ConfigError, as_arrays
 from urbanjax.types.errors import TrafficError
 
@@ -40,8 +40,8 @@ class Comparison:
     given: Conditional  # [P, K], P(x | z)
     dimension: np.ndarray  # [T]
     routes: similarity.Similarity  # [P], against the line through the other's samples
-    samples: dict[str, np.ndarray]  # mean, rmse, hausdorff [P] m, against the other's samples
-    areas: dict[str, np.ndarray]  # value, mean, rmse [A, P]; valid [A, P]; samples [A, T]
+    samples: dict[str, np.ndarray]  # mean, rmse, hausdorff [P] m, against the other's samples (Eq. 33)
+    areas: dict[str, np.ndarray]  # value, mean, rmse [A, P]; valid, near [A, P]; samples [A, T]
 
     @property
     def middle(self) -> int:
@@ -57,14 +57,20 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     station_bin, bins = _bins(study, teams)
     arrays = points, valid, jnp.asarray(teams.offset), station_bin
     tick("divergences", 0.1)
-    estimate = _divergence(points, valid, params, pairs, key)
+    evaluate = partial(_evaluate, params=params, pairs=pairs, key=key)
+    estimate, near = evaluate(points, valid)
     if params.ties == "error":
         _refuse_ties(teams, estimate, pairs)
     tick("P(x | z)", 0.2)
     given = _conditional(arrays[2], station_bin, valid, bins, params, pairs, key)
-    tick("intervals", 0.3)
     block, resampling = _blocks(study, teams)
-    found = _interval(points, valid, block, params, as_arrays(resampling), pairs, key)
+    masks = half_samples(valid, block, jax.random.fold_in(key, 1), resampling, paired=True)
+    draws = []
+    for k, mask in enumerate(masks):
+        tick("intervals", 0.3 + 0.3 * k / len(masks))
+        draws.append(_column(*evaluate(points, mask)))
+    drawn, fine = (jnp.stack(side) for side in zip(*draws, strict=True))
+    found = spread(*_column(estimate, near), drawn, fine, resampling)
     tick("laps dealt out anew", 0.6)
     swap = swapped(study, teams, params, arrays, bins, pairs)
     tick("routes", 0.8)
@@ -78,8 +84,8 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
         given=jax.device_get(given),
         dimension=np.asarray(_dimension(points, valid)),
         routes=jax.device_get(_routes(points[first], points[second], valid[first], valid[second])),
-        samples={name: np.asarray(v) for name, v in _distances(points, valid, pairs).items()},
-        areas=_by_area(teams, params, pairs, key),
+        samples={name: np.asarray(near[name]) for name in ("mean", "rmse", "hausdorff")},
+        areas=_by_area(teams, evaluate),
     )
 
 
@@ -94,7 +100,28 @@ def _refuse_ties(teams: Teams, estimate: Estimate, pairs: Pairs) -> None:
             )
 
 
-_divergence = jax.jit(divergence, static_argnums=3)
+@partial(jax.jit, static_argnames="pairs")
+def _evaluate(
+    points: Array, mask: Array, params: DivergenceParams, pairs: Pairs, key: Array
+) -> tuple[Estimate, dict[str, Array]]:
+    """Divergences, and Eq. 33 and its relatives [P], of the samples that count: one program for all masks."""
+    away, found = distances(points, pairs, neighbours(points, mask, pairs, (1,)))
+    away, found = away[:, 0], found[:, 0]
+    near = {
+        "mean": masked.mean(away, found),
+        "rmse": masked.rms(away, found),
+        "hausdorff": masked.largest(away, found),
+        "near": found.any(1),
+    }
+    return divergence(points, mask, params, pairs, key), near
+
+
+def _column(estimate: Estimate, near: dict[str, Array]) -> tuple[Array, Array]:
+    """Values [P, K + 1] and which are valid: the divergences and the mean distance."""
+    values = jnp.concatenate([estimate.value, near["mean"][:, None]], axis=1)
+    return values, jnp.concatenate([estimate.valid, near["near"][:, None]], axis=1)
+
+
 _conditional = jax.jit(conditional, static_argnums=(3, 5))
 _dimension = jax.jit(effective_dimension)
 
@@ -102,38 +129,6 @@ _dimension = jax.jit(effective_dimension)
 @jax.jit
 def _routes(x: Array, y: Array, x_mask: Array, y_mask: Array) -> similarity.Similarity:
     return jax.lax.map(lambda pair: similarity.between_lines(*pair), (x, y, x_mask, y_mask))
-
-
-def _nearest(points: Array, valid: Array, pairs: Pairs) -> tuple[Array, Array]:
-    """Distance [P, n] of each sample to the nearest one of the other team, and which count."""
-    away, found = distances(points, pairs, neighbours(points, valid, pairs, (1,)))
-    return away[:, 0], found[:, 0]
-
-
-@partial(jax.jit, static_argnums=2)
-def _distances(points: Array, valid: Array, pairs: Pairs) -> dict[str, Array]:
-    """Eq. 33 and its relatives over the samples, [P] each."""
-    away, found = _nearest(points, valid, pairs)
-    return {
-        "mean": masked.mean(away, found),
-        "rmse": masked.rms(away, found),
-        "hausdorff": masked.largest(away, found),
-    }
-
-
-@partial(jax.jit, static_argnums=5)
-def _interval(
-    points: Array, valid: Array, block: Array, params: DivergenceParams, resampling: Any, pairs: Pairs, key: Array
-) -> Interval:
-    """Intervals of divergences and of the mean distance; all teams keep the same blocks."""
-
-    def statistic(mask: Array) -> tuple[Array, Array]:
-        found = divergence(points, mask, params, pairs, key)
-        away, near = _nearest(points, mask, pairs)
-        mean = masked.mean(away, near)[:, None]
-        return jnp.concatenate([found.value, mean], 1), jnp.concatenate([found.valid, near.any(1, keepdims=True)], 1)
-
-    return interval(statistic, valid, block, jax.random.fold_in(key, 1), resampling, paired=True)
 
 
 def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:
@@ -154,27 +149,15 @@ def _blocks(study: TrafficStudy, teams: Teams) -> tuple[Array, ResamplingParams]
     return jnp.asarray(np.searchsorted(ends, teams.station), jnp.int32), params
 
 
-def _by_area(teams: Teams, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, np.ndarray]:
-    """Divergence, mean and root mean square distance in each area, [A, P]."""
+def _by_area(
+    teams: Teams, evaluate: Callable[[Array, Array], tuple[Estimate, dict[str, Array]]]
+) -> dict[str, np.ndarray]:
+    """Divergence for the middle k, mean and root mean square distance in each area, [A, P]."""
     within = jax.vmap(lambda station: inside(teams.areas, station))(jnp.asarray(teams.station))
-    masks = jnp.moveaxis(within, 1, 0) & jnp.asarray(teams.valid)[None]
-    found = _each_area(jnp.asarray(teams.points), masks, params, pairs, key)
-    return {name: np.asarray(value) for name, value in found.items()}
-
-
-@partial(jax.jit, static_argnums=3)
-def _each_area(points: Array, masks: Array, params: DivergenceParams, pairs: Pairs, key: Array) -> dict[str, Array]:
-    def area(mask: Array) -> dict[str, Array]:
-        found = divergence(points, mask, params, pairs, key)
-        away, near = _nearest(points, mask, pairs)
+    rows = []
+    for mask in jnp.moveaxis(within, 1, 0) & jnp.asarray(teams.valid)[None]:
+        found, near = evaluate(jnp.asarray(teams.points), mask)
         middle = found.value.shape[1] // 2
-        return {
-            "value": found.value[:, middle],
-            "valid": found.valid[:, middle],
-            "mean": masked.mean(away, near),
-            "rmse": masked.rms(away, near),
-            "near": near.any(1),
-            "samples": mask.sum(1),
-        }
-
-    return jax.lax.map(area, masks)
+        part = {"value": found.value[:, middle], "valid": found.valid[:, middle], "samples": mask.sum(1)}
+        rows.append({**part, **{name: near[name] for name in ("mean", "rmse", "near")}})
+    return {name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]}
