@@ -5,6 +5,7 @@ The single loops are optimised as a user's are, the batch is not (conftest): opt
 
 import jax
 import numpy as np
+import pytest
 
 from tests.scenes import loop_params, overtake_scene
 from urbanjax import stack
@@ -12,14 +13,15 @@ from urbanjax.sim import world
 from urbanjax.sim.rollout import rollout
 from urbanjax.types import as_arrays
 
-N_STARTS, N_STEPS = 64, 20
+N_STEPS = 20
 OPTIMISED = {"xla_backend_optimization_level": 3, "xla_cpu_use_fusion_emitters": True}
 
 
-def test_batch_of_64_equals_64_single_runs():
+@pytest.mark.parametrize("n_starts", [16, pytest.param(64, marks=pytest.mark.slow)])
+def test_a_batch_equals_single_runs(n_starts):
     with jax.enable_x64(True):
         params = as_arrays(loop_params())
-        course, lanes, starts = map(as_arrays, overtake_scene(params, N_STARTS))
+        course, lanes, starts = map(as_arrays, overtake_scene(params, n_starts))
         starts = jax.device_get(starts)
 
         def drive(start):
@@ -28,7 +30,7 @@ def test_batch_of_64_equals_64_single_runs():
 
         batch = jax.device_get(jax.jit(jax.vmap(drive))(starts))
         single = jax.jit(drive, compiler_options=OPTIMISED)
-        for i in range(N_STARTS):
+        for i in range(n_starts):
             alone = single(jax.tree.map(lambda x, i=i: x[i], starts))
             for one, many in zip(jax.tree.leaves(alone), jax.tree.leaves(batch), strict=True):
                 np.testing.assert_allclose(many[i], one, rtol=0, atol=1e-9)

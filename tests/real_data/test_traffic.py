@@ -22,7 +22,8 @@ def home(data_dir, tmp_path_factory):
 def sakhir(home):
     names = ",".join(f"data/traffic/f1_sakhir/{team}/*_tel.json" for team in (*TEAMS, "BOT"))
     line = "course.line=data/traffic/f1_sakhir/reference_line/tracks/Sakhir.csv"
-    small = (*SMALL, "teams.deals=6", "teams.divergence.ks=[1]")
+    areas = "course.areas=[start:0:1500,rest:1500:0]"
+    small = (*SMALL, areas, "teams.deals=6", "teams.divergence.ks=[1]")
     done = run(home, "preset=f1_sakhir", f"files=[{names}]", line, *small)
     assert done.code == 0, done.err
     return done

@@ -48,6 +48,7 @@ def test_the_nearest_samples_are_the_trees():
     np.testing.assert_array_equal(to_x, cKDTree(X).query(Y)[1])
 
 
+@pytest.mark.slow
 def test_large_sets_are_searched_by_trees():
     x, y = route(2100, 2), route(2000, 3)
     assert len(x) * len(y) > similarity.PAIRS
