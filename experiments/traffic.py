@@ -62,7 +62,7 @@ def compared(params: TrafficStudy, material: Material, run: Run) -> list[report.
     figures.draw_null(stacked, found, run.path("null.png"))
     every = ", ".join(f"{count} {why}" for why, count in stacked.dropped.items() if count) or "none"
     whole: list = [
-        report.Table(f"What each team drove (samples left out: {every}).", rows),
+        report.Table(f"What each team drove (left out: {every}).", rows),
         *(report.Table(caption, columns) for caption, columns in matrices.items()),
         report.Picture("The same as colours.", run.path("matrices.png")),
         report.Picture("As driven, and the same laps dealt out otherwise.", run.path("null.png")),

@@ -151,7 +151,7 @@ def _held(points: Array, mask: Array) -> Array:
 
 def _similarity(there: Array, back: Array, x_mask: Array, y_mask: Array, level: float | Array) -> Similarity:
     valid = jnp.any(x_mask) & jnp.any(y_mask)
-    one, two = _distances(there, x_mask & valid, level), _distances(back, y_mask & valid, level)
+    one, two = summarised(there, x_mask & valid, level), summarised(back, y_mask & valid, level)
     return Similarity(
         there=one,
         back=two,
@@ -162,7 +162,10 @@ def _similarity(there: Array, back: Array, x_mask: Array, y_mask: Array, level: 
     )
 
 
-def _distances(distance: Array, mask: Array, level: float | Array) -> Distances:
+def summarised(
+    distance: Float[Array, "*b n"], mask: Bool[Array, "*b n"], level: float | Float[Array, ""] = 0.95
+) -> Distances:
+    """Eq. 33 and its relatives [*b] from the distance [m] of each sample to the other route, however it was found."""
     return Distances(
         mean=masked.mean(distance, mask),
         rmse=masked.rms(distance, mask),

@@ -13,7 +13,6 @@ from jax import Array
 from urbanjax.io.studies.traffic.deals import swapped
 from urbanjax.io.studies.traffic.study import TrafficStudy
 from urbanjax.io.studies.traffic.teams import Teams
-from urbanjax.numerics import masked
 from urbanjax.traffic import similarity
 from urbanjax.traffic.course.areas import inside
 from urbanjax.traffic.divergence.conditional import Conditional, conditional
@@ -36,11 +35,11 @@ class Comparison:
     ks: tuple[int, ...]  # a single 0 for adaptive neighbourhoods
     estimate: Estimate  # [P, K]
     interval: Interval  # [P, K + 1], the last one of the mean distance
-    swap: LapSwap  # observed [P, K + 1], null [P, S, K + 1]: divergences, and the conditional one for the middle k
+    swap: LapSwap  # observed [P, 2 K], null [P, S, 2 K]: divergences, then those given the station
     given: Conditional  # [P, K], P(x | z)
     dimension: np.ndarray  # [T]
     routes: similarity.Similarity  # [P], against the line through the other's samples
-    samples: dict[str, np.ndarray]  # mean, rmse, hausdorff [P] m, against the other's samples (Eq. 33)
+    samples: similarity.Distances  # [P], to the other's samples (Eq. 33)
     areas: dict[str, np.ndarray]  # value, mean, rmse [A, P]; valid, near [A, P]; samples [A, T]
 
     @property
@@ -58,7 +57,7 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     arrays = points, valid, jnp.asarray(teams.offset), station_bin
     tick("divergences", 0.1)
     evaluate = partial(_evaluate, params=params, pairs=pairs, key=key)
-    estimate, near = evaluate(points, valid)
+    estimate, away, there = evaluate(points, valid)
     if params.ties == "error":
         _refuse_ties(teams, estimate, pairs)
     tick("P(x | z)", 0.2)
@@ -70,7 +69,7 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
         tick("intervals", 0.3 + 0.3 * k / len(masks))
         draws.append(_column(*evaluate(points, mask)))
     drawn, fine = (jnp.stack(side) for side in zip(*draws, strict=True))
-    found = spread(*_column(estimate, near), drawn, fine, resampling)
+    found = spread(*_column(estimate, away, there), drawn, fine, resampling)
     tick("laps dealt out anew", 0.6)
     swap = swapped(study, teams, params, arrays, bins, pairs)
     tick("routes", 0.8)
@@ -84,7 +83,7 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
         given=jax.device_get(given),
         dimension=np.asarray(_dimension(points, valid)),
         routes=jax.device_get(_routes(points[first], points[second], valid[first], valid[second])),
-        samples={name: np.asarray(near[name]) for name in ("mean", "rmse", "hausdorff")},
+        samples=jax.device_get(away),
         areas=_by_area(teams, evaluate),
     )
 
@@ -103,23 +102,20 @@ def _refuse_ties(teams: Teams, estimate: Estimate, pairs: Pairs) -> None:
 @partial(jax.jit, static_argnames="pairs")
 def _evaluate(
     points: Array, mask: Array, params: DivergenceParams, pairs: Pairs, key: Array
-) -> tuple[Estimate, dict[str, Array]]:
-    """Divergences, and Eq. 33 and its relatives [P], of the samples that count: one program for all masks."""
+) -> tuple[Estimate, similarity.Distances, Array]:
+    """Divergences, distances to the other's samples [P], and where those are known, of the samples that count.
+
+    One program for the whole, for areas and for draws.
+    """
     away, found = distances(points, pairs, neighbours(points, mask, pairs, (1,)))
-    away, found = away[:, 0], found[:, 0]
-    near = {
-        "mean": masked.mean(away, found),
-        "rmse": masked.rms(away, found),
-        "hausdorff": masked.largest(away, found),
-        "near": found.any(1),
-    }
-    return divergence(points, mask, params, pairs, key), near
+    near = similarity.summarised(away[:, 0], found[:, 0])
+    return divergence(points, mask, params, pairs, key), near, jnp.any(found[:, 0], axis=-1)
 
 
-def _column(estimate: Estimate, near: dict[str, Array]) -> tuple[Array, Array]:
+def _column(estimate: Estimate, away: similarity.Distances, there: Array) -> tuple[Array, Array]:
     """Values [P, K + 1] and which are valid: the divergences and the mean distance."""
-    values = jnp.concatenate([estimate.value, near["mean"][:, None]], axis=1)
-    return values, jnp.concatenate([estimate.valid, near["near"][:, None]], axis=1)
+    values = jnp.concatenate([estimate.value, away.mean[:, None]], axis=1)
+    return values, jnp.concatenate([estimate.valid, there[:, None]], axis=1)
 
 
 _conditional = jax.jit(conditional, static_argnums=(3, 5))
@@ -149,15 +145,13 @@ def _blocks(study: TrafficStudy, teams: Teams) -> tuple[Array, ResamplingParams]
     return jnp.asarray(np.searchsorted(ends, teams.station), jnp.int32), params
 
 
-def _by_area(
-    teams: Teams, evaluate: Callable[[Array, Array], tuple[Estimate, dict[str, Array]]]
-) -> dict[str, np.ndarray]:
+def _by_area(teams: Teams, evaluate: Callable[[Array, Array], tuple]) -> dict[str, np.ndarray]:
     """Divergence for the middle k, mean and root mean square distance in each area, [A, P]."""
     within = jax.vmap(lambda station: inside(teams.areas, station))(jnp.asarray(teams.station))
     rows = []
     for mask in jnp.moveaxis(within, 1, 0) & jnp.asarray(teams.valid)[None]:
-        found, near = evaluate(jnp.asarray(teams.points), mask)
+        found, away, there = evaluate(jnp.asarray(teams.points), mask)
         middle = found.value.shape[1] // 2
         part = {"value": found.value[:, middle], "valid": found.valid[:, middle], "samples": mask.sum(1)}
-        rows.append({**part, **{name: near[name] for name in ("mean", "rmse", "near")}})
+        rows.append({**part, "mean": away.mean, "rmse": away.rmse, "near": there})
     return {name: np.stack([np.asarray(row[name]) for row in rows]) for name in rows[0]}

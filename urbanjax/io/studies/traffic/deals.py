@@ -34,13 +34,12 @@ def swapped(
     found = []
     for i, j in pairs:
         counts = teams.runs[[i, j]]
-        deals = np.zeros((study.teams.deals, 2 * runs), bool)
         dealt = (_swaps if teams.paired else _deals)(int(counts[0]), int(counts[1]), study.teams.deals, rng)
-        deals[: len(dealt), : counts[0]] = dealt[:, : counts[0]]
-        deals[: len(dealt), runs : runs + counts[1]] = dealt[:, counts[0] :]
+        deals = np.zeros((len(dealt), 2 * runs), bool)
+        deals[:, : counts[0]], deals[:, runs : runs + counts[1]] = dealt[:, : counts[0]], dealt[:, counts[0] :]
         run = np.concatenate([teams.run[i], teams.run[j] + runs])
         pooled = tuple(jnp.concatenate([a[i], a[j]]) for a in arrays)
-        swap = jax.device_get(_deal(*pooled, jnp.asarray(run), jnp.asarray(deals[: len(dealt)]), params, bins))
+        swap = jax.device_get(_deal(*pooled, jnp.asarray(run), jnp.asarray(deals), params, bins))
         ways = 2 ** int(counts[0]) if teams.paired else math.comb(int(counts.sum()), int(counts[0]))
         found.append(swap.replace(valid=swap.valid & (ways >= FEWEST)))
     least = min(len(swap.null) for swap in found)

@@ -31,7 +31,7 @@ def draw_matrices(teams: Teams, found: Comparison, path: Path) -> None:
         ("a  divergence [nats]", found.estimate.value[:, c], found.estimate.valid[:, c]),
         ("b  excess over laps dealt out anew", found.swap.excess[:, c], found.swap.valid[:, c]),
         ("c  the same given the station", found.swap.excess[:, last + c], found.swap.valid[:, last + c]),
-        ("d  mean distance [m]", found.samples["mean"], np.ones(len(found.pairs), bool)),
+        ("d  mean distance [m]", found.samples.mean, np.ones(len(found.pairs), bool)),
     ]
     size = 0.42 * n + 1.0
     with figure(path, 4 * size + 0.4, size + 0.5) as canvas:

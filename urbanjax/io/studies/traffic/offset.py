@@ -58,7 +58,7 @@ def sweep(study: OffsetStudy, seed: int) -> Sweep:
 def _estimates(points: jax.Array, params: DivergenceParams, pairs: tuple) -> tuple[jax.Array, jax.Array]:
     """Divergences and geometric mean distances of all pairs [P, K]."""
     valid = jnp.ones(points.shape[:2], bool)
-    value = jnp.stack([jnp.zeros(len(params.ks), points.dtype)] * len(pairs))
+    value = jnp.zeros((len(pairs), len(params.ks)), points.dtype)
     different = tuple(pair for pair in pairs if pair[0] != pair[1])
     found = divergence(points, valid, params, different)
     value = value.at[jnp.asarray([pairs.index(pair) for pair in different])].set(found.value)

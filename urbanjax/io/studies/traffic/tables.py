@@ -69,11 +69,10 @@ def pair_table(teams: Teams, found: Comparison) -> Columns:
             add("P(x|z) p", _or_none(found.swap.share[p, at], found.swap.valid[p, at]))
             add("ties own", found.estimate.ties_own[p, c])
             add("ties other", found.estimate.ties_other[p, c])
-            for name, values in found.samples.items():
-                add(f"{name} to samples [m]", values[p])
-            add("mean to line [m]", found.routes.there.mean[p])
-            add("rmse to line [m]", found.routes.there.rmse[p])
-            add("Hausdorff to line [m]", found.routes.there.hausdorff[p])
+            for to, away in (("samples", found.samples), ("line", found.routes.there)):
+                add(f"mean to {to} [m]", away.mean[p])
+                add(f"rmse to {to} [m]", away.rmse[p])
+                add(f"Hausdorff to {to} [m]", away.hausdorff[p])
     return rows
 
 
@@ -106,7 +105,7 @@ def matrices(teams: Teams, found: Comparison) -> dict[str, Columns]:
         cells = zip(swap.excess[:, column], swap.share[:, column], swap.valid[:, column], strict=True)
         return [f"{v:.2f} (p = {p:.2f})" if ok else "-" for v, p, ok in cells]
 
-    means = [f"{m:.2f} / {r:.2f}" for m, r in zip(found.samples["mean"], found.routes.there.mean, strict=True)]
+    means = [f"{m:.2f} / {r:.2f}" for m, r in zip(found.samples.mean, found.routes.there.mean, strict=True)]
     return {
         f"Divergence of P from Q [nats], {k}, with its interval": matrix(teams, found, divergences),
         f"What of it exceeds laps dealt out anew, {k} (share of deals that give as much)": matrix(
@@ -170,5 +169,5 @@ def summary(teams: Teams, found: Comparison) -> dict[str, float]:
             numbers[f"excess_{name}_nats"] = float(found.swap.excess[p, c])
         if found.swap.valid[p, last + c]:
             numbers[f"excess_given_station_{name}_nats"] = float(found.swap.excess[p, last + c])
-        numbers[f"mean_distance_{name}_m"] = float(found.samples["mean"][p])
+        numbers[f"mean_distance_{name}_m"] = float(found.samples.mean[p])
     return numbers

@@ -46,7 +46,7 @@ class Teams:
     closed: bool
     areas: Areas
     paired: bool  # run k of all teams began alike
-    dropped: dict[str, int]  # samples that were left out, and why
+    dropped: dict[str, int]  # how much was left out, and what
 
     @property
     def runs(self) -> np.ndarray:
@@ -66,7 +66,7 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
     team_names = list(dict.fromkeys(log.team for log in material.logs))
     if len(team_names) < 2:
         raise LogError(f"a comparison needs two teams or more; the logs have {', '.join(team_names)}")
-    dropped = {"interpolated": material.interpolated, "standing": 0, "in gaps, s": 0}
+    dropped = {"interpolated": material.interpolated, "standing": 0, "seconds in gaps": 0}
     drives: dict[str, list[np.ndarray]] = {name: [] for name in team_names}
     times: dict[str, list[float]] = {name: [] for name in team_names}
     length = 0.0
@@ -74,7 +74,7 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
         if study.teams.spacing:
             even = by_length(log, study.teams.spacing, study.teams.longest_gap)
             dropped["standing"] += even.standing
-            dropped["in gaps, s"] += round(even.gap_time)
+            dropped["seconds in gaps"] += round(even.gap_time)
             log = even.log
         samples, seconds, length = _placed(log, line, counts, origin, material.closed, study.course)
         drives[log.team] += samples
