@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, no_type_check
-from xml.etree.ElementTree import Element, ParseError, TreeBuilder  # types; only defusedxml parses
+from xml.etree.ElementTree import Element, TreeBuilder  # what is filled; only defusedxml parses
 
 import numpy as np
 from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import DefusedXMLParser
+from defusedxml.ElementTree import DefusedXMLParser, ParseError
 
 from urbanjax.io.files import content
 from urbanjax.types import FileError
