@@ -1,4 +1,4 @@
-"""One thin entry point per question that a user asks."""
+"""One folder per question that a user asks, each with a command line: `python -m experiments.<question>`."""
 
 import os
 

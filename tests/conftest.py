@@ -16,7 +16,7 @@ if os.environ["JAX_PLATFORMS"] == "cpu":
 
 from jaxtyping import install_import_hook  # noqa: E402
 
-install_import_hook("urbanjax", "beartype.beartype")
+install_import_hook(["urbanjax", "experiments"], "beartype.beartype")
 
 import jax  # noqa: E402
 import pytest  # noqa: E402

@@ -5,19 +5,19 @@ import math
 import jax
 import jax.numpy as jnp
 
+from urbanjax.course import Course, course_between
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.roadmap.builders import curve, two_way
-from urbanjax.roadmap.course import Course, course_between
-from urbanjax.roadmap.extended import WindowParams
+from urbanjax.roadmap.corridor import WindowParams
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.padding import pad
+from urbanjax.rollout import LoopParams
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes
-from urbanjax.sim.rollout import LoopParams
+from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.scenario import ego_at, traffic, world
 from urbanjax.sim.world import SimParams, WorldState
@@ -42,7 +42,7 @@ def loop_params(mode: str = "hard", temperature: float = 0.1, n_objects: int = 4
     return LoopParams(stack=stack, sim=SimParams(n_objects=n_objects, lane_changes=False))
 
 
-def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, Lanes, WorldState]:
+def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, LaneTables, WorldState]:
     """Two lanes in one direction; `n` starts of the overtaking family."""
     family = overtake.OvertakeParams(length=400.0)
     graph = overtake.road(family)
@@ -51,7 +51,7 @@ def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, L
     return course_along(graph, overtake.RIGHT, overtake.RIGHT), roads.from_graph(one_shape(graph)), starts
 
 
-def oncoming_scene(params: LoopParams) -> tuple[Course, Lanes, WorldState]:
+def oncoming_scene(params: LoopParams) -> tuple[Course, LaneTables, WorldState]:
     """One lane each way: the ego, off its lane's centre, closes on a slow leader while an oncoming car draws near."""
     graph = two_way(1, 1, 400.0, 3.5, 14.0)
     vehicles = traffic(
@@ -66,7 +66,7 @@ def oncoming_scene(params: LoopParams) -> tuple[Course, Lanes, WorldState]:
     return course_along(graph, 0, 0), roads.from_graph(one_shape(graph)), world(ego, 0, vehicles)
 
 
-def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, Lanes, WorldState]:
+def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, LaneTables, WorldState]:
     """A slow ego before a tight curve; a parked car half on its lane leaves just enough room before a solid line.
 
     Whether to cross the line, how steeply, and the look-ahead's minimum all matter. Args: aside, the parked car's

@@ -1,9 +1,9 @@
 """Differentiable urban driving: from road graph to steering as one jitted JAX function."""
 
+from urbanjax.course import Course, course_between
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.course import Course, course_between
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.sim.rollout import LoopParams, rollout
+from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackInfo, StackParams, StackState, init, step
 from urbanjax.types import Command, Observation, UrbanJaxError, VehicleState, as_arrays

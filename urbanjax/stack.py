@@ -12,6 +12,7 @@ from urbanjax.behavior.speed import SpeedPlan
 from urbanjax.behavior.tsps import Choice, SelectState
 from urbanjax.control import drive
 from urbanjax.control.drive import ControlParams
+from urbanjax.course import Course
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.localizers import LOCALIZERS
 from urbanjax.localization.types import Localization
@@ -21,8 +22,7 @@ from urbanjax.planning.macro import MacroPlan
 from urbanjax.planning.micro import MicroPlan
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.previous import Previous
-from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import Progress, WindowParams, progress, window
+from urbanjax.roadmap.corridor import Progress, WindowParams, progress, window
 from urbanjax.roadmap.locate import LocateParams, locate
 from urbanjax.types import Command, Observation, Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
@@ -69,12 +69,12 @@ class StackInfo:
 
 def init(params: StackParams, course: Course, pose: jaxlie.SE2) -> StackState:
     """The state before the first step. Args: pose, T_world_body of the rear axle, near the route."""
-    whole = progress(course.extended, pose.translation(), pose.rotation().as_radians())
+    whole = progress(course.corridor, pose.translation(), pose.rotation().as_radians())
     return StackState(
         station=whole.station,
         macro=previous.nothing(params.planning.macro.n_layers),
         micro=previous.nothing(params.planning.primitives.n_points),
-        select=tsps.init(whole, course.extended),
+        select=tsps.init(whole, course.corridor),
         localizer=LOCALIZERS[params.localizer].init(params.lidar, course, pose),
     )
 
@@ -94,7 +94,7 @@ def step(
         located, localized = localizer.step(params.lidar, course, state.localizer, observation)
         ego = located.vehicle_state(observation.odometry)
     with jax.named_scope("route"):
-        road = window(course.extended, state.station, params.window)
+        road = window(course.corridor, state.station, params.window)
         here = progress(road, ego.position, ego.heading)
     with jax.named_scope("prediction"):
         lanes = locate(course.graph, objects.position, objects.heading, params=params.locate)

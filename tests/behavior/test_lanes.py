@@ -7,7 +7,7 @@ import pytest
 from urbanjax.behavior import lanes
 from urbanjax.behavior.lanes import LaneParams
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import Sample
+from urbanjax.roadmap.corridor import Sample
 
 NOWHERE = jnp.zeros(5)
 LANE_2, LANE_3 = jnp.eye(5)[2], jnp.eye(5)[3]

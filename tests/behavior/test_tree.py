@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from urbanjax.behavior import tree
-from urbanjax.behavior.tree import EGO, MICRO, ROUTE, Situation, TSPSParams
+from urbanjax.behavior.tree import EGO, MICRO, ROUTE, Conditions, TSPSParams
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import Decision
 
@@ -23,9 +23,9 @@ FIELDS = (
 )
 
 
-def situation(**degrees: float) -> Situation:
+def situation(**degrees: float) -> Conditions:
     defaults = dict.fromkeys(FIELDS, 0.0) | {"micro_feasible": 1.0, "stoppable": 1.0}
-    return Situation(**{k: jnp.asarray(v) for k, v in (defaults | degrees).items()})
+    return Conditions(**{k: jnp.asarray(v) for k, v in (defaults | degrees).items()})
 
 
 def oracle(s: dict[str, bool], side_gates_stuck: bool, stuck_needs_micro: bool) -> tuple[int, Decision]:
@@ -52,7 +52,7 @@ def test_equals_the_nested_ifs_on_every_input(side_gates_stuck, stuck_needs_micr
     params = TSPSParams(side_gates_stuck=side_gates_stuck, stuck_needs_micro=stuck_needs_micro)
     cases = list(itertools.product([False, True], repeat=len(FIELDS)))
     columns = np.array(cases, float).T
-    batch = Situation(**{name: jnp.asarray(column) for name, column in zip(FIELDS, columns, strict=True)})
+    batch = Conditions(**{name: jnp.asarray(column) for name, column in zip(FIELDS, columns, strict=True)})
     selection = jax.vmap(lambda s: tree.decide(s, params))(batch)
     seen = set()
     for i, case in enumerate(cases):
@@ -66,7 +66,7 @@ def test_equals_the_nested_ifs_on_every_input(side_gates_stuck, stuck_needs_micr
 
 def test_weights_sum_to_one_for_any_degrees():
     degrees = np.random.default_rng(0).uniform(size=(len(FIELDS), 200))
-    batch = Situation(**{name: jnp.asarray(column) for name, column in zip(FIELDS, degrees, strict=True)})
+    batch = Conditions(**{name: jnp.asarray(column) for name, column in zip(FIELDS, degrees, strict=True)})
     selection = jax.vmap(lambda s: tree.decide(s, TSPSParams()))(batch)
     np.testing.assert_allclose(selection.path.sum(axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(selection.decision.sum(axis=1), 1, atol=1e-6)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from experiments import traffic
+from experiments.traffic import __main__ as traffic
 
 RADIUS = 24.0  # m, of the course
 LENGTH = 2 * np.pi * RADIUS  # m

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from urbanjax.io.studies import candidates, candidates_figures, candidates_peer
-from urbanjax.io.studies.candidates import CandidateStudy
+from experiments.candidates import figures as candidates_figures
+from experiments.candidates import peer as candidates_peer
+from experiments.candidates import study as candidates
+from experiments.candidates.study import CandidateStudy
 from urbanjax.types import ConfigError
 
 SMALL = CandidateStudy(few=(2, 3, 4), many=(2, 3, 5), sweep=(4,), scenarios=2, repeats=1, batch_repeats=1)

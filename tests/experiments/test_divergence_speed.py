@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from urbanjax.io.studies import divergence_points, divergence_speed, divergence_speed_figure
-from urbanjax.io.studies.divergence_speed import DivergenceSpeedStudy
+from experiments.benchmark import divergence_points, divergence_speed
+from experiments.benchmark import figures as divergence_speed_figure
+from experiments.benchmark.divergence_speed import DivergenceSpeedStudy
 from urbanjax.types import ConfigError
 
 NUMBERS = {

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.studies.localize import faults, figures, loop, methods
-from urbanjax.io.studies.localize.faults import Fault, FaultParams
-from urbanjax.io.studies.localize.loop import LoopStudy
-from urbanjax.io.studies.localize.methods import Method
-from urbanjax.io.studies.localize.track import Row, Track
+from experiments.localize import faults, figures, loop, methods
+from experiments.localize.faults import FaultParams, InjectedFault
+from experiments.localize.loop import LoopStudy
+from experiments.localize.methods import Method
+from experiments.localize.track import LocalizedTrack, TrackRow
 from urbanjax.localization.types import Health, Sign
 from urbanjax.roadmap.builders import straight
 from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.types import ConfigError
 
 
-def track(errors, health=None, registered=None, signs=None) -> Track:
+def track(errors, health=None, registered=None, signs=None) -> LocalizedTrack:
     n = len(errors)
     flat = np.stack([np.asarray(errors, float), np.zeros(n), np.zeros(n)], 1)
     other = flat if registered is None else np.stack([np.asarray(registered, float), np.zeros(n), np.zeros(n)], 1)
@@ -22,7 +22,7 @@ def track(errors, health=None, registered=None, signs=None) -> Track:
     if signs is not None:
         marks[:, Sign.INLIERS] = signs
     zeros = np.zeros(n)
-    rows = Row(
+    rows = TrackRow(
         pose=flat,
         error=flat,
         registered=other,
@@ -38,14 +38,14 @@ def track(errors, health=None, registered=None, signs=None) -> Track:
         iterations=zeros,
         dropped=np.zeros((n, 2)),
     )
-    return Track(np.arange(n), rows, np.ones(n), np.zeros(n, bool), np.zeros(0))
+    return LocalizedTrack(np.arange(n), rows, np.ones(n), np.zeros(n, bool), np.zeros(0))
 
 
 def test_unnoticed_is_the_longest_run_of_wrong_and_normal():
     wrong = [0, 1, 1, 0, 1, 1, 1, 1, 0]
     health = [0, 0, 0, 0, 0, 0, 1, 0, 0]
-    assert Fault("kidnapping", 0, 1, 2, track(wrong, health)).unnoticed == 2
-    assert Fault("kidnapping", 0, 1, 2, track([0, 0, 0])).unnoticed == 0
+    assert InjectedFault("kidnapping", 0, 1, 2, track(wrong, health)).unnoticed == 2
+    assert InjectedFault("kidnapping", 0, 1, 2, track([0, 0, 0])).unnoticed == 0
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_unnoticed_is_the_longest_run_of_wrong_and_normal():
     ],
 )
 def test_recovery_counts_from_the_end_of_the_failure(errors, health, expected):
-    assert Fault("scan_loss", 0, 1, 2, track(errors, health)).recovery == expected
+    assert InjectedFault("scan_loss", 0, 1, 2, track(errors, health)).recovery == expected
 
 
 def test_area_under_the_curve():
@@ -103,7 +103,7 @@ def test_the_table_has_a_column_for_each_method():
 
 
 def test_failures_are_drawn(tmp_path):
-    drives = [Fault(kind, 0, 1, 2, track([0.01, 9, 9, 0.01], [0, 1, 3, 0])) for kind in faults.KINDS]
+    drives = [InjectedFault(kind, 0, 1, 2, track([0.01, 9, 9, 0.01], [0, 1, 3, 0])) for kind in faults.KINDS]
     figures.draw_faults(drives, 0.1, tmp_path / "failures.png")
     assert (tmp_path / "failures.png").stat().st_size > 5000
 

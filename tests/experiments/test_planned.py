@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.studies import planned
-from urbanjax.io.studies.planned import PlanStudy
+from experiments.plan import study as planned
+from experiments.plan.study import PlanStudy
 from urbanjax.planning.explain import explain
 from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.params import PlanningParams

@@ -6,15 +6,17 @@ import jax
 import numpy as np
 import pytest
 
+from experiments.recorded import figures, study, table
+from experiments.recorded.study import RecordedStudy
+from urbanjax.evaluation.collisions import Contact
+from urbanjax.evaluation.recorded import drive as driving
+from urbanjax.evaluation.recorded import goals, routes, scenes
+from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
-from urbanjax.io.studies.recorded import drive as driving
-from urbanjax.io.studies.recorded import figures, goals, matching, routes, scenes, study, table
-from urbanjax.io.studies.recorded.drive import Drive
-from urbanjax.io.studies.recorded.study import RecordedStudy
+from urbanjax.roadmap import matching
 from urbanjax.roadmap.builders import straight
-from urbanjax.roadmap.extended import ExtendParams, WindowParams
-from urbanjax.sim.collisions import Contact
-from urbanjax.sim.rollout import LoopParams
+from urbanjax.roadmap.corridor import CorridorParams, WindowParams
+from urbanjax.rollout import LoopParams
 from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, RouteError
@@ -66,7 +68,7 @@ def road(graph, tmp_path_factory) -> RoadMap:
 
 @pytest.fixture(scope="module")
 def scene(road):
-    return scenes.prepare(road, ExtendParams(spacing=2.0), 3.0)
+    return scenes.prepare(road, CorridorParams(spacing=2.0), 3.0)
 
 
 def test_everybody_who_lasts_and_overlaps_nobody_is_replaced(scene):
@@ -113,7 +115,7 @@ def test_matching_follows_a_lane_change_and_ignores_noise(graph):
 
 def test_nobody_to_replace_is_an_error(road):
     with pytest.raises(RouteError, match=r"made_up\.xml: nobody can be driven there"):
-        scenes.prepare(road, ExtendParams(), 100.0)
+        scenes.prepare(road, CorridorParams(), 100.0)
 
 
 def problem(goal: Goal, y=RIGHT) -> PlanningProblem:
@@ -123,7 +125,7 @@ def problem(goal: Goal, y=RIGHT) -> PlanningProblem:
 def test_a_planning_problem_is_driven_by_the_stacks_own_vehicle_to_its_goal(road):
     goal = Goal(regions=(Region((200.0, LEFT), length=10.0, width=3.0),), time=(0.0, 15.0))
     own = VehicleParams(length=5.5)
-    posed = scenes.problems(dataclasses.replace(road, problems=(problem(goal),)), ExtendParams(spacing=2.0), own)
+    posed = scenes.problems(dataclasses.replace(road, problems=(problem(goal),)), CorridorParams(spacing=2.0), own)
     (start,) = posed.starts
     assert (start.index, start.first, start.steps, start.link) == (None, 0, 151, 1)
     assert np.asarray(start.route.change).sum() == 1
@@ -131,7 +133,7 @@ def test_a_planning_problem_is_driven_by_the_stacks_own_vehicle_to_its_goal(road
     np.testing.assert_allclose(posed.vehicle.length, [5.5])
     np.testing.assert_allclose(posed.ego.position[0], [30.0 - own.centre_offset, RIGHT], atol=1e-5)
     with pytest.raises(RouteError, match="begins off the road"):
-        scenes.problems(dataclasses.replace(road, problems=(problem(goal, y=50.0),)), ExtendParams())
+        scenes.problems(dataclasses.replace(road, problems=(problem(goal, y=50.0),)), CorridorParams())
 
 
 @pytest.mark.parametrize(
@@ -173,7 +175,7 @@ def test_the_stack_drives_among_them(scene):
         starts=scene.starts[:1],
         **{
             name: jax.tree.map(lambda x: x[:1], getattr(scene, name))
-            for name in ("extended", "replay", "ego", "vehicle")
+            for name in ("corridor", "replay", "ego", "vehicle")
         },
     )
     (found,) = driving.drive(LoopParams(stack, SimParams(n_objects=4), 0.1), one)

@@ -10,15 +10,15 @@ import pytest
 import yaml
 from scipy import stats
 
+from experiments.register import calibration, factorial, figures, pair, rows, stretch
+from experiments.register.bench import Bench, BenchPrograms, Found, Seen
+from experiments.register.calibration import Calibration, Errors
+from experiments.register.factorial import FactorialParams, Grid
+from experiments.register.pair import PairParams
+from experiments.register.rows import PAPER, STARTS, RowTrack
+from experiments.register.study import RegisterStudy
 from tests.conftest import REPOSITORY
-from urbanjax.io import config
-from urbanjax.io.studies.register import calibration, factorial, figures, pair, rows, stretch
-from urbanjax.io.studies.register.bench import Bench, Found, Programs, Seen
-from urbanjax.io.studies.register.calibration import Calibration, Errors
-from urbanjax.io.studies.register.factorial import FactorialParams, Grid
-from urbanjax.io.studies.register.pair import PairParams
-from urbanjax.io.studies.register.rows import PAPER, STARTS, Track
-from urbanjax.io.studies.register.study import RegisterStudy
+from urbanjax.io.runs import config
 from urbanjax.types import ConfigError
 
 
@@ -27,7 +27,7 @@ from urbanjax.types import ConfigError
     [([0.1, 0.2, 0.3], None), ([0.1, 0.6, 0.2], None), ([0.1, 0.6, 0.7], 1), ([0.6, 0.7], 0), ([0.5], None)],
 )
 def test_a_pose_is_lost_from_the_scan_after_which_it_never_comes_back(distance, after):
-    assert rows.lost_after(np.array(distance), 0.5) == after
+    assert lost_after(np.array(distance), 0.5) == after
 
 
 def test_outcomes_tell_loss_and_slowness_apart():
@@ -62,7 +62,7 @@ def test_the_rows_are_those_of_the_paper():
 
 def _tracks(lost: bool) -> dict:
     error = np.array([[0.1, 0.0, 0.0], [3.0 if lost else 0.2, 4.0 if lost else 0.0, 0.0]])
-    track = Track(error, np.array([0.1, 0.6]), np.ones(2), np.array([4.0, 6.0]), np.full((2, 3), 20.0), 0, 5)
+    track = RowTrack(error, np.array([0.1, 0.6]), np.ones(2), np.array([4.0, 6.0]), np.full((2, 3), 20.0), 0, 5)
     return {(row.setting, start): track for row in PAPER for start in STARTS}
 
 
@@ -193,7 +193,7 @@ def test_the_grid_holds_every_cell_and_repeats_nothing_that_converged():
 
 
 def test_a_program_is_compiled_once_for_each_set_of_shapes():
-    programs = Programs()
+    programs = BenchPrograms()
 
     def double(x, times):
         return x * times

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.studies import registration_speed
-from urbanjax.io.studies.registration_speed import RegistrationStudy
+from experiments.common import registration_speed
+from experiments.common.registration_speed import RegistrationStudy
 
 
 @pytest.mark.slow

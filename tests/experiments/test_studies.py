@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from urbanjax.io import config
-from urbanjax.io.highway.episode import Episode
-from urbanjax.io.studies import highway, overtake, overtake_figures
-from urbanjax.io.studies.overtake import Fig10
+from experiments.common import overtaking as overtake
+from experiments.common.overtaking import Fig10
+from experiments.highway import study as highway
+from experiments.overtake import figures as overtake_figures
+from urbanjax.io.bridges.highway.episode import Episode
+from urbanjax.io.runs import config
 from urbanjax.roadmap.builders import straight
 from urbanjax.types import ConfigError
 from urbanjax.vehicle.params import VehicleParams
@@ -127,13 +129,13 @@ def test_table_of_the_highway_study(tmp_path):
 
 
 STUDIES = {
-    "overtake": ("urbanjax.io.studies.overtake", "OvertakeStudy"),
-    "highway": ("urbanjax.io.studies.highway", "HighwayStudy"),
-    "candidates": ("urbanjax.io.studies.candidates", "CandidateStudy"),
-    "benchmark": ("urbanjax.io.studies.benchmark", "BenchStudy"),
+    "overtake": ("experiments.common.overtaking", "OvertakeStudy"),
+    "highway": ("experiments.highway.study", "HighwayStudy"),
+    "candidates": ("experiments.candidates.study", "CandidateStudy"),
+    "benchmark": ("experiments.benchmark.study", "BenchStudy"),
     "demo": ("experiments.demo", "DemoStudy"),
-    "localize": ("urbanjax.io.studies.localize.methods", "LocalizeStudy"),
-    "register": ("urbanjax.io.studies.register.study", "RegisterStudy"),
+    "localize": ("experiments.localize.study", "LocalizeStudy"),
+    "register": ("experiments.register.study", "RegisterStudy"),
 }
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from tests.scenes import curve_scene, loop_params, oncoming_scene, overtake_scene
-from urbanjax.sim import scores
-from urbanjax.sim.rollout import rollout
+from urbanjax.evaluation import scores
+from urbanjax.rollout import rollout
 from urbanjax.types import as_arrays
 
 N_STEPS = 20

@@ -9,8 +9,8 @@ import pytest
 
 from tests.scenes import loop_params, overtake_scene
 from urbanjax import stack
+from urbanjax.rollout import rollout
 from urbanjax.sim import world
-from urbanjax.sim.rollout import rollout
 from urbanjax.types import as_arrays
 
 N_STEPS = 20

@@ -2,8 +2,8 @@
 
 import jax
 
+from experiments.benchmark import precision
 from tests.scenes import loop_params, overtake_scene
-from urbanjax.io.studies import precision
 from urbanjax.types import as_arrays
 
 

@@ -14,8 +14,8 @@ from urbanjax.registration import MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.registration.voxelmap import CutParams
 from urbanjax.roadmap.builders import straight
-from urbanjax.sim.sensors.lidar import LidarParams, sweep
-from urbanjax.sim.sensors.surroundings import furnish
+from urbanjax.sim.lidar import LidarParams, sweep
+from urbanjax.sim.scenery.scenery import furnish
 from urbanjax.types import Observation, Odometry, VehicleState, as_arrays
 
 SENSOR = LidarParams(pattern="vlp_16", columns=256, nearby=48, noise=0.02, dropout=0.05, max_range=60.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from urbanjax import registration
-from urbanjax.io import pointmap
+from urbanjax.io.clouds import pointmap
 from urbanjax.localization import mapping
 from urbanjax.localization.mapping import PointMap
 from urbanjax.registration import MapParams

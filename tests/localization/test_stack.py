@@ -8,10 +8,10 @@ import pytest
 
 from tests.scenes import loop_params
 from urbanjax import stack
+from urbanjax.course import course_between
 from urbanjax.localization.types import Health, Localization
-from urbanjax.roadmap.course import course_between
+from urbanjax.rollout import rollout
 from urbanjax.sim import lanes as tables
-from urbanjax.sim.rollout import rollout
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.world import Sensing

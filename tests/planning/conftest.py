@@ -9,7 +9,7 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, plan
 from urbanjax.planning.previous import nothing
-from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.types import Prediction, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
@@ -33,7 +33,7 @@ class Scenes:
     @staticmethod
     def road(
         curvature=0.0, lanes=(2, 3), oncoming=(), barred=(), limit=14.0, width=3.5, origin=(0.0, 0.0), heading=0.0
-    ) -> ExtendedGraph:
+    ) -> Corridor:
         """A straight road or a circular arc from 20 m before `origin` on, with the given lanes of the five across."""
         station = np.arange(0.0, 221.0)
         s, n = station - 20.0, station.size
@@ -49,7 +49,7 @@ class Scenes:
         def every(row):
             return jnp.asarray(np.broadcast_to(row, (n, len(row))))
 
-        return ExtendedGraph(
+        return Corridor(
             station=jnp.asarray(station),
             position=jnp.asarray(np.stack([x * cos - y * sin + origin[0], x * sin + y * cos + origin[1]], axis=-1)),
             heading=jnp.asarray(angle + heading),
@@ -71,7 +71,7 @@ class Scenes:
         )
 
     @staticmethod
-    def place(window: ExtendedGraph, station: float, offset: float) -> tuple[np.ndarray, float]:
+    def place(window: Corridor, station: float, offset: float) -> tuple[np.ndarray, float]:
         """Position and heading of the road at a station and a lateral offset, in closed form."""
         k, first = float(window.curvature[0]), np.asarray(window.position[0], float)
         h0 = float(window.heading[0])

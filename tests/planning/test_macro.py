@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning import lattice, macro
-from urbanjax.planning.corridor import corridor
-from urbanjax.planning.edges import CORNER, fine_stations
+from urbanjax.planning import macro
+from urbanjax.planning.cross_section import cross_sections
+from urbanjax.planning.lattice import layers as lattice
+from urbanjax.planning.lattice.edges import CORNER, fine_stations
 from urbanjax.planning.macro import MACRO_TERMS, offset_at, profile_at
 from urbanjax.planning.previous import nothing, remember
 from urbanjax.types import as_arrays
@@ -161,7 +162,7 @@ def costs(window, progress, state, prediction, vehicle, params, relaxation):
     """What the plan of a small lattice adds up: cost of its starts [M] and of its edges [S - 1, M, M]."""
     spacing = macro.layer_spacing(window, progress, state, params)
     station = progress.station + spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
-    road = corridor(window, fine_stations(station, CORNER))
+    road = cross_sections(window, fine_stations(station, CORNER))
     found = macro.plan(window, progress, state, prediction, nothing(params.n_layers), vehicle, params, Relaxation())
     speed = jnp.concatenate([found.start_speed[None], found.speed])
     layers = lattice.build(road, speed, jnp.concatenate([0 * found.time[:1], found.time]), params.nodes_per_lane)

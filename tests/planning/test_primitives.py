@@ -4,7 +4,7 @@ import pytest
 
 from urbanjax.geometry.polyline import curvatures, headings
 from urbanjax.planning import quintic
-from urbanjax.planning.corridor import corridor
+from urbanjax.planning.cross_section import cross_sections
 from urbanjax.planning.primitives import end_states
 from urbanjax.vehicle.params import VehicleParams
 
@@ -35,7 +35,7 @@ def test_quintics_solve_the_printed_system(scenes, x64):
         slope=jnp.array([0.0, 0.1, -0.05, 0.0]),
         bend=jnp.array([0.0, 0.01, 0.0, -0.01]),
     )
-    at_end = corridor(window, end.station)
+    at_end = cross_sections(window, end.station)
     curvature = jnp.tan(state.steering) / 2.8
     found = quintic.coefficients(state, curvature, end, at_end)
     kappa, theta = float(curvature), float(state.heading)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.planning.conftest import LANES, small_params
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import costs
-from urbanjax.planning.search import layered_search
+from urbanjax.planning.lattice.search import layered_search
 from urbanjax.types import as_arrays
 
 # Double precision comes by a fixture that is the same for all examples.

@@ -6,7 +6,7 @@ import pytest
 from tests.io.logs.formats import F1, OPENACC, form
 from urbanjax.io import logs
 from urbanjax.io.logs import LogError
-from urbanjax.io.logs.align import AlignParams, align
+from urbanjax.io.logs.align import LogAlignParams, align
 from urbanjax.io.logs.quality import coarseness, quality
 from urbanjax.io.logs.resample import by_length, by_time
 from urbanjax.io.logs.sampling import raw
@@ -79,7 +79,7 @@ def test_gasly_is_coarser_than_all_others(laps):
 
 def test_all_drivers_share_a_frame_that_the_reference_line_gives(laps, line):
     teams = {team: [log.take(raw(log)).position for log in laps if log.team == team] for team in ["ALB", "HAM", "VER"]}
-    params = AlignParams(reflection="either", starts=8)
+    params = LogAlignParams(reflection="either", starts=8)
     together = align([path for paths in teams.values() for path in paths], line.position, line.closed, params)
     assert not together.frame.reflected
     assert not together.ambiguous

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from urbanjax.io.poses import read_kitti
-from urbanjax.io.studies.localize import folder
-from urbanjax.io.studies.localize.methods import LocalizeStudy
+from experiments.localize import folder
+from experiments.localize.study import LocalizeStudy
+from urbanjax.io.clouds.poses import read_kitti
 from urbanjax.types import FileError
 
 pytestmark = pytest.mark.real_data

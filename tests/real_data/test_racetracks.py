@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from experiments.racetrack import study
 from urbanjax.io import maps
 from urbanjax.io.maps import MapError, racetrack
-from urbanjax.io.studies import racetrack as study
 
 pytestmark = pytest.mark.real_data
 

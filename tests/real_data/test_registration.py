@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from urbanjax import registration
-from urbanjax.io import pointclouds
-from urbanjax.io.poses import read_kitti, read_matrix
+from urbanjax.io.clouds import pointclouds
+from urbanjax.io.clouds.poses import read_kitti, read_matrix
 from urbanjax.registration import AlignParams, MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.registration.points import PointCloud

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap import builders
-from urbanjax.roadmap.extended import ExtendParams, extend, progress, sample, sized, to_world, window
+from urbanjax.roadmap.corridor import CorridorParams, corridor_along, progress, sample, sized, to_world, window
 from urbanjax.roadmap.padding import pad
 from urbanjax.roadmap.route import RouteParams, route_between
 
@@ -52,29 +52,29 @@ def course_links(district):
 
 @pytest.fixture(scope="session")
 def extend_along():
-    """The extended graph (256 stations) along the route between two links of a small graph.
+    """The corridor (256 stations) along the route between two links of a small graph.
 
-    All graphs get one shape and drop what is static, so that `extend` is compiled once for them all.
+    All graphs get one shape and drop what is static, so that `corridor_along` is compiled once for them all.
     """
-    compiled = jax.jit(extend)
+    compiled = jax.jit(corridor_along)
 
     def along(graph, start, goal):
         alike = pad(graph, n_links=32, n_successors=3, n_relations=8).replace(area_names=("",), n_signals=0)
         route = route_between(alike, start, goal, params=RouteParams(n_links=16))
-        return compiled(alike, route, ExtendParams(n_stations=256, n_stops=4))
+        return compiled(alike, route, CorridorParams(n_stations=256, n_stops=4))
 
     return along
 
 
 @pytest.fixture(scope="session")
 def extend_district(district):
-    """The extended graph (5632 stations) along a route through the district."""
-    compiled = jax.jit(extend)
-    return lambda route: compiled(district, route, sized(district, route, ExtendParams()).replace(n_stations=5632))
+    """The corridor (5632 stations) along a route through the district."""
+    compiled = jax.jit(corridor_along)
+    return lambda route: compiled(district, route, sized(district, route, CorridorParams()).replace(n_stations=5632))
 
 
 @pytest.fixture(scope="session")
-def extended_course(district, course_links, extend_district):
+def corridor_course(district, course_links, extend_district):
     """One lap of the district's leftmost lane."""
     return extend_district(route_between(district, 0, course_links[-1]))
 

@@ -3,8 +3,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from urbanjax.evaluation import metrics
 from urbanjax.roadmap.builders import intersection, merge
-from urbanjax.sim import agents, metrics
+from urbanjax.sim import agents
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.signals import SignalProgram
 

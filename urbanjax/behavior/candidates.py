@@ -8,7 +8,7 @@ from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
-from urbanjax.roadmap.extended import Progress, Sample
+from urbanjax.roadmap.corridor import Progress, Sample
 from urbanjax.types import Path, Prediction, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 

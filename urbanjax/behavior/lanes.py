@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import Sample
+from urbanjax.roadmap.corridor import Sample
 from urbanjax.types import pytree
 
 NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be worth

@@ -8,7 +8,7 @@ from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.behavior.tree import TSPSParams
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.roadmap.graph import Turn
 from urbanjax.types import Signals, SignalState, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
@@ -84,7 +84,7 @@ class SignalAhead:
     turning: Array  # [] 0 or 1: the route turns left or right beyond it
 
 
-def signal_ahead(window: ExtendedGraph, signals: Signals, body: Body, far: float = 1e3) -> SignalAhead:
+def signal_ahead(window: Corridor, signals: Signals, body: Body, far: float = 1e3) -> SignalAhead:
     """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state."""
     distance = window.stop_station - body.front
     ahead = window.has_stop & (distance > -1.0)

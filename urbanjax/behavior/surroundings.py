@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.extended import ExtendedGraph, progress, sample
+from urbanjax.roadmap.corridor import Corridor, progress, sample
 from urbanjax.types import Objects, pytree
 
 
@@ -33,7 +33,7 @@ class Surroundings:
     valid: Array  # [O] bool
 
 
-def relate(objects: Objects, window: ExtendedGraph) -> Surroundings:
+def relate(objects: Objects, window: Corridor) -> Surroundings:
     """Every object related to the route's reference line. Objects beyond the window or off the road are invalid."""
     seen = jax.vmap(lambda position, heading: progress(window, position, heading))(objects.position, objects.heading)
     cos, sin = jnp.cos(seen.heading_error), jnp.sin(seen.heading_error)

@@ -32,7 +32,7 @@ class TSPSParams:
 
 
 @pytree
-class Situation:
+class Conditions:
     """The inputs of Fig. 5, as degrees in [0, 1]; all shapes []."""
 
     route_feasible: Array
@@ -81,7 +81,7 @@ def remember(
     return TSPSState(stuck=stuck, blocked=blocked)
 
 
-def decide(situation: Situation, params: TSPSParams) -> Selection:
+def decide(situation: Conditions, params: TSPSParams) -> Selection:
     """The tree of Fig. 5 (Eq. 27) in its order; with degrees 0 and 1 exactly one outcome has weight 1.
 
     (1) route feasible -> route; (2) stuck -> micro; (3) micro infeasible -> route; (4) turning at a signal -> route;

@@ -20,11 +20,11 @@ from urbanjax.behavior.situation import (
     signal_ahead,
 )
 from urbanjax.behavior.surroundings import Surroundings, in_lane, relate
-from urbanjax.behavior.tree import ROUTE, Selection, Situation, TSPSState, decide, remember
+from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.micro import MicroPlan
-from urbanjax.roadmap.extended import ExtendedGraph, Progress, Sample, sample, sample_one
+from urbanjax.roadmap.corridor import Corridor, Progress, Sample, sample, sample_one
 from urbanjax.types import Observation, Path, Prediction, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 from urbanjax.vehicle.profile import free_flow
@@ -39,7 +39,7 @@ class SelectState:
 
 
 @pytree
-class Scene:
+class View:
     """What one step's behaviour looks at."""
 
     road: Sample  # [K], on the grid that the paths share
@@ -50,7 +50,7 @@ class Scene:
 
 
 @pytree
-class Lanes:
+class LaneWeights:
     """Weights over the lanes across; all shapes [Q]."""
 
     route: Array
@@ -79,20 +79,20 @@ class Choice:
     ego_lane: Array  # [Q] weights, Eq. 26
     target_lane: Array  # [Q] weights, the lane that the path leads to
     selection: Selection
-    situation: Situation
+    situation: Conditions
     clearance: Array  # [3] m, smallest clearance of (route, micro, ego lane)
-    scene: Scene
+    scene: View
 
 
-def init(start: Progress, extended: ExtendedGraph) -> SelectState:
+def init(start: Progress, corridor: Corridor) -> SelectState:
     """Nothing remembered; the ego lane is the route's."""
-    weights = jnp.zeros_like(extended.lane_offset[0]).at[extended.route_lane].set(1)
+    weights = jnp.zeros_like(corridor.lane_offset[0]).at[corridor.route_lane].set(1)
     zero = jnp.zeros_like(start.offset)
     return SelectState(tree=TSPSState(stuck=zero, blocked=zero), ego_lane=weights)
 
 
 def select(
-    window: ExtendedGraph,
+    window: Corridor,
     start: Progress,
     ego: VehicleState,
     observation: Observation,
@@ -111,7 +111,7 @@ def select(
     object follows the ego, and so does not count.
     """
     body, station = body_of(start, ego, vehicle), micro.path.station
-    scene = Scene(
+    scene = View(
         road=sample(window, station),
         here=sample_one(window, body.front),
         surroundings=relate(observation.objects, window),
@@ -159,20 +159,20 @@ def weighted(weights: Float[Array, "n"], values: Float[Array, "n *s"]) -> Float[
 
 
 def find_lanes(
-    scene: Scene,
+    scene: View,
     micro: Path,
     route_lane: int,
     previous: Float[Array, "q"],
     params: BehaviorParams,
     relaxation: Relaxation,
-) -> Lanes:
+) -> LaneWeights:
     """The route's lane, the ego lane and the lane in which the micro path has its terminal point."""
     ego = nearest_lane(scene.here, scene.body.offset, previous, params.lanes, relaxation)
     end = terminal(micro.offset, scene.road.lane_offset @ ego, params.connect.terminal_scale, relaxation)
     exists = end @ scene.road.has_lane.astype(end.dtype) > 0.5
     there = scene.here.replace(lane_offset=end @ scene.road.lane_offset, has_lane=exists)
     nowhere = jnp.zeros_like(previous)
-    return Lanes(
+    return LaneWeights(
         route=nowhere.at[route_lane].set(1),
         ego=ego,
         micro=nearest_lane(there, end @ micro.offset, nowhere, params.lanes, relaxation),
@@ -180,15 +180,15 @@ def find_lanes(
 
 
 def assess(
-    scene: Scene,
-    lanes: Lanes,
+    scene: View,
+    lanes: LaneWeights,
     route_clearance: Float[Array, ""],
     micro_feasible: Float[Array, ""],
     state: TSPSState,
     vehicle: VehicleParams,
     params: BehaviorParams,
     relaxation: Relaxation,
-) -> tuple[TSPSState, Situation]:
+) -> tuple[TSPSState, Conditions]:
     """The inputs of the decision tree, as degrees, and its counters one step on."""
     tree, here, body, around = params.tsps, scene.here, scene.body, scene.surroundings
 
@@ -205,7 +205,7 @@ def assess(
     near = near_signal(scene.signal, tree, relaxation)
     route_free = soft.both(clear, soft.negate(return_occupied))
     memory = remember(state, body.speed, soft.both(near, scene.signal.red), route_free, tree, relaxation)
-    situation = Situation(
+    situation = Conditions(
         route_feasible=soft.above(0.5 - memory.blocked, 0.0, relaxation, scale=0.5),
         stuck=soft.above(memory.stuck, tree.stuck_steps, relaxation, scale=tree.stuck_steps / 4),
         micro_feasible=micro_feasible,

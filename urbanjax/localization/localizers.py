@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import jaxlie
 
+from urbanjax.course import Course
 from urbanjax.localization import given, lidar
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.types import Localization
-from urbanjax.roadmap.course import Course
 from urbanjax.types import Observation, ScenarioError
 
 

@@ -9,15 +9,15 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning import lattice
 from urbanjax.planning.basis import interpolate, smooth
 from urbanjax.planning.clearance import ClearanceParams, followers
-from urbanjax.planning.corridor import corridor
-from urbanjax.planning.edges import CORNER, fine_stations, layers_of
-from urbanjax.planning.lattice import MACRO_TERMS, LatticeWeights
+from urbanjax.planning.cross_section import cross_sections
+from urbanjax.planning.lattice import layers as lattice
+from urbanjax.planning.lattice.edges import CORNER, fine_stations, layers_of
+from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
+from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.previous import Previous
-from urbanjax.planning.search import layered_search
-from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.types import Prediction, VehicleState, pytree, static
 from urbanjax.vehicle.limits import curve_speed
 from urbanjax.vehicle.params import VehicleParams
@@ -64,7 +64,7 @@ class MacroPlan:
 
 
 def plan(
-    window: ExtendedGraph,
+    window: Corridor,
     progress: Progress,
     state: VehicleState,
     prediction: Prediction,
@@ -80,7 +80,7 @@ def plan(
     """
     spacing = layer_spacing(window, progress, state, params)
     distance = spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
-    road = corridor(window, fine_stations(progress.station + distance, CORNER))
+    road = cross_sections(window, fine_stations(progress.station + distance, CORNER))
     layers = layers_of(road, CORNER)
     cap = curve_speed(layers.curvature, params.lateral_acceleration, layers.limit)
     speed, time = free_flow(state.speed, cap, distance, params.profile)
@@ -119,9 +119,7 @@ def plan(
     )
 
 
-def layer_spacing(
-    window: ExtendedGraph, progress: Progress, state: VehicleState, params: MacroParams
-) -> Float[Array, ""]:
+def layer_spacing(window: Corridor, progress: Progress, state: VehicleState, params: MacroParams) -> Float[Array, ""]:
     """Distance between layers (m): the way covered within the horizon, from the present speed to the limit, shared."""
     spacing = window.station[1] - window.station[0]
     limit = interpolate(progress.station[None], window.station[0], spacing, window.speed_limit)[0]

@@ -7,7 +7,7 @@ from urbanjax.planning.micro import MicroPlan
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.primitives import Fan
-from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.types import Prediction, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -35,7 +35,7 @@ def nothing(params: PlanningParams) -> Memory:
 
 
 def plan(
-    window: ExtendedGraph,
+    window: Corridor,
     progress: Progress,
     state: VehicleState,
     prediction: Prediction,

@@ -27,7 +27,7 @@ class PredictionParams:
 
 
 @pytree
-class Chain:
+class LinkChain:
     """The links ahead of each of B = O * branches objects."""
 
     link: Array  # [B, C] int32, the present link and those after it
@@ -98,7 +98,7 @@ def time_weights(prediction: Prediction, time: Float[Array, "n"]) -> Float[Array
     return hat(time, prediction.time[0], spacing, prediction.time.shape[0], extrapolate=True)
 
 
-def _follow(graph: RoadGraph, link: Array, branch: Array, hops: int) -> Chain:
+def _follow(graph: RoadGraph, link: Array, branch: Array, hops: int) -> LinkChain:
     """The chain of links ahead. Args: link [B] int, the present one; branch [B] int, the way at the first fork."""
 
     def hop(carry: tuple[Array, ...], _: None) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
@@ -117,11 +117,11 @@ def _follow(graph: RoadGraph, link: Array, branch: Array, hops: int) -> Chain:
     ones = jnp.ones_like(link)
     (_, _, ways), (ahead, starts) = jax.lax.scan(hop, (link, graph.length[link], ones), None, length=hops)
     first = jnp.zeros_like(starts[:1])
-    return Chain(link=jnp.concatenate([link[None], ahead]).T, start=jnp.concatenate([first, starts]).T, ways=ways)
+    return LinkChain(link=jnp.concatenate([link[None], ahead]).T, start=jnp.concatenate([first, starts]).T, ways=ways)
 
 
 def _along(
-    graph: RoadGraph, chain: Chain, station: Float[Array, "b h"], offset: Float[Array, "b h"]
+    graph: RoadGraph, chain: LinkChain, station: Float[Array, "b h"], offset: Float[Array, "b h"]
 ) -> tuple[Float[Array, "b h 2"], Float[Array, "b h"]]:
     """Position [B, H, 2] (m) and heading [B, H] (rad) at stations from the start of each chain and lateral offsets."""
     reached = jnp.sum(station[..., None] >= chain.start[:, None, 1:], axis=-1)

@@ -7,11 +7,11 @@ from jaxtyping import Float
 
 from urbanjax.numerics.once import once
 from urbanjax.planning import shape
-from urbanjax.planning.corridor import Corridor, corridor
+from urbanjax.planning.cross_section import CrossSections, cross_sections
 from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
 from urbanjax.planning.quintic import EndState, Lateral, planar, stationwise
 from urbanjax.planning.resample import arc_length_splines
-from urbanjax.roadmap.extended import ExtendedGraph, Progress
+from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.types import VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -52,13 +52,13 @@ class Fan:
     speed: Array  # [J, K] m/s
     end: EndState
     follower: Array  # [B] degree to which an object follows the ego, and so does not count
-    road: Corridor  # at the K stations
+    road: CrossSections  # at the K stations
     macro_offset: Array  # [K] m
     free_speed: Array  # [K] m/s
 
 
 def generate(
-    window: ExtendedGraph,
+    window: Corridor,
     progress: Progress,
     state: VehicleState,
     macro: MacroPlan,
@@ -79,7 +79,7 @@ def generate(
     end = end_states(state, macro, params)
     # End states differ in station by duration and speed only.
     n, repeats = params.n_points, len(params.offsets) * len(params.accelerations)
-    sampled = corridor(window, jnp.concatenate([progress.station + ahead, end.station[::repeats]]))
+    sampled = cross_sections(window, jnp.concatenate([progress.station + ahead, end.station[::repeats]]))
     road = jax.tree.map(lambda x: x[:n], sampled)
     at_end = jax.tree.map(lambda x: jnp.repeat(x[n:], repeats, axis=0), sampled)
     curvature = jnp.tan(state.steering) / vehicle.wheelbase

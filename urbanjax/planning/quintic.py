@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from urbanjax.numerics import polynomial, safe
 from urbanjax.planning import shape
-from urbanjax.planning.corridor import Corridor
-from urbanjax.roadmap.extended import Progress
+from urbanjax.planning.cross_section import CrossSections
+from urbanjax.roadmap.corridor import Progress
 from urbanjax.types import VehicleState, pytree
 
 NEWTON_STEPS = 3  # and a last one that carries the derivative
@@ -52,7 +52,7 @@ def boundary(
     return (speed * cos, acceleration * cos - across * sin), (speed * sin, acceleration * sin + across * cos)
 
 
-def planar(state: VehicleState, curvature: Array, end: EndState, at_end: Corridor, road: Corridor) -> Lateral:
+def planar(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSections, road: CrossSections) -> Lateral:
     """Candidates as x(t), y(t) (Eq. 16), at the moments when they cross the reference line's normals.
 
     Each crossing is found by Newton steps on the polynomials, so position, heading and curvature are exact, without
@@ -94,7 +94,7 @@ def _towards(lines: tuple[Array, ...], share: Array) -> Array:
     return jnp.clip(share - miss / jnp.maximum(rate, MIN_RATE * duration), 0, 1)
 
 
-def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: Corridor) -> Float[Array, "j 6 2"]:
+def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSections) -> Float[Array, "j 6 2"]:
     """Coefficients [J, 6, 2] of x and y, relative to the vehicle's position, by the share of the duration (Eq. 17-18).
 
     At both ends position, velocity and acceleration are matched, the acceleration across being v^2 kappa.
@@ -128,7 +128,9 @@ def read(c: Float[Array, "j 6 n"], share: Float[Array, "j k"]) -> Float[Array, "
     return jnp.einsum("jki,jind->jknd", powers, table, precision=jax.lax.Precision.HIGHEST)
 
 
-def stationwise(progress: Progress, state: VehicleState, curvature: Array, end: EndState, road: Corridor) -> Lateral:
+def stationwise(
+    progress: Progress, state: VehicleState, curvature: Array, end: EndState, road: CrossSections
+) -> Lateral:
     """Candidates as d(s): a quintic of station, well defined down to standstill, with uniform acceleration."""
     tangent = jnp.tan(jnp.clip(progress.heading_error, -MAX_TURN, MAX_TURN))
     slope, bend = shape.from_plane(road.curvature[0], progress.offset, tangent, curvature)

@@ -12,7 +12,16 @@ from jax import Array, lax
 from urbanjax.numerics import safe
 from urbanjax.registration.correspond import correspond
 from urbanjax.registration.distributions import DistributionMap
-from urbanjax.registration.linear import FactorParams, Pairs, Rigid, System, held_cost, linearise, pairs_of, sandwich
+from urbanjax.registration.linear import (
+    Correspondences,
+    FactorParams,
+    Rigid,
+    System,
+    held_cost,
+    linearise,
+    pairs_of,
+    sandwich,
+)
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
 
@@ -93,7 +102,7 @@ def align_starts(
     return lax.map(lambda start: align(source, target, start, params), starts, batch_size=at_once)
 
 
-def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Pairs:
+def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Correspondences:
     away = lax.stop_gradient(pose.move(source.position))
     slot = correspond(target, away, source.valid, params.neighbours)
     return pairs_of(target, slot, away, params.factor)

@@ -55,7 +55,7 @@ class Rigid:
 
 
 @pytree
-class Pairs:
+class Correspondences:
     """Correspondences: what the map holds for each point."""
 
     mean: Array  # [3, N] m from the map's origin
@@ -76,19 +76,23 @@ class System:
     weight: Array  # [N]
 
 
-def pairs_of(target: DistributionMap, slot: Int[Array, " n"], away: Float[Array, "3 n"], params: FactorParams) -> Pairs:
+def pairs_of(
+    target: DistributionMap, slot: Int[Array, " n"], away: Float[Array, "3 n"], params: FactorParams
+) -> Correspondences:
     """What the map holds in its rows `slot` [N], for points `away` [3, N] (m) from its origin; nothing if too far."""
     rows = target.rows[slot].T
     count = rows[9]
     near = (count > 0) & (jnp.sum((rows[:3] - away) ** 2, axis=0) <= params.max_distance**2)
     weight = {"one": jnp.ones_like, "sqrt_count": safe.sqrt, "count": lambda c: c}[params.weight](count)
     ball = jnp.array(symmetric.IDENTITY, count.dtype)[:, None]
-    return Pairs(
+    return Correspondences(
         mean=rows[:3], covariance=jnp.where(near[None], rows[3:9], ball), weight=jnp.where(near, weight, 0), near=near
     )
 
 
-def linearise(pose: Rigid, source: PointCloud, pairs: Pairs, target: DistributionMap, params: FactorParams) -> System:
+def linearise(
+    pose: Rigid, source: PointCloud, pairs: Correspondences, target: DistributionMap, params: FactorParams
+) -> System:
     """Hessian, gradient and cost at a pose relative to the map's origin, with Omega frozen (Eq. 3-4).
 
     In the body frame, where J = [[s]x, -I] does not depend on the pose: every sum over the points is one entry of the
@@ -112,7 +116,7 @@ def linearise(pose: Rigid, source: PointCloud, pairs: Pairs, target: Distributio
     return System(system[:36].reshape(6, 6), system[36:42], system[42], residual, information, weight)
 
 
-def held_cost(pose: Rigid, at: System, before: Rigid, source: PointCloud, pairs: Pairs) -> Float[Array, ""]:
+def held_cost(pose: Rigid, at: System, before: Rigid, source: PointCloud, pairs: Correspondences) -> Float[Array, ""]:
     """The cost at another pose with correspondences and weights held. Args: before, the pose of `at`."""
     residual = before.back(pairs.mean - pose.move(source.position))
     squared = symmetric.inner(residual, symmetric.product(at.information, residual))

@@ -17,7 +17,7 @@ SAME_GROUND = 0.35  # times the lane width: lateral distance of an oncoming lane
 
 
 @pytree
-class CrossSection:
+class LanesAcross:
     """Q lanes at N points, from right (0) to left; lane Q // 2 is the one that the points are on."""
 
     offset: Array  # [N, Q] m from the point along its normal, left positive
@@ -49,14 +49,14 @@ class _Lane(NamedTuple):
     same_way: Array  # driven in the direction of the points
 
 
-def cross_section(
+def lanes_across(
     graph: RoadGraph,
     link: Int[Array, "n"],
     station: Float[Array, "n"],
     position: Float[Array, "n 2"],
     heading: Float[Array, "n"],
     lanes: int,
-) -> CrossSection:
+) -> LanesAcross:
     """The lanes that the normal to each heading [rad] at each position [m] crosses.
 
     Neighbours in the same direction, as far as they go, and beside the leftmost of them the nearest oncoming lane. A
@@ -73,7 +73,7 @@ def cross_section(
         """[N, Q] from the levels [Q // 2 + 1, 2, N] of both sides."""
         return jnp.concatenate([x[:0:-1, 0], x[:, 1]]).T
 
-    return CrossSection(
+    return LanesAcross(
         offset=row(levels.offset),
         width=row(levels.width),
         link=row(levels.link),

@@ -32,7 +32,7 @@ class Walk:
 
 
 @pytree
-class Row:
+class ReferenceRow:
     """The reference line at N values of u."""
 
     entry: Array  # [N] int32, index into the walk
@@ -71,7 +71,7 @@ def walk(graph: RoadGraph, route: Route) -> Walk:
     return Walk(route.link, following, change, left, start, part, end - part, last, end[-1])
 
 
-def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float | Float[Array, ""]) -> Row:
+def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float | Float[Array, ""]) -> ReferenceRow:
     """The reference line at each u [m]; beyond the end of the route it goes straight on.
 
     A lane change takes `blend_length` metres (less where its part of the link is shorter) in the middle of that part,
@@ -97,7 +97,7 @@ def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float
     heading, curvature = frenet.offset_curve(
         here.heading, here.curvature, offset, offset_slope, bend * away + 2 * slope * drift
     )
-    return Row(
+    return ReferenceRow(
         entry=r,
         station=station,
         weight=weight,

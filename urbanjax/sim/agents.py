@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes, take
+from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
 from urbanjax.types import Objects, pytree, static
 from urbanjax.vehicle.following import IDMParams, free_acceleration, interaction
@@ -67,7 +67,7 @@ class Traffic:
     valid: Array  # [V] bool
 
 
-def chain_of(lanes: Lanes, traffic: Traffic, params: TrafficParams) -> Chain:
+def chain_of(lanes: LaneTables, traffic: Traffic, params: TrafficParams) -> Chain:
     """The links that each vehicle is going to drive."""
     return look_ahead(lanes, traffic.link, traffic.station, traffic.route, traffic.valid, params.n_links)
 
@@ -84,7 +84,9 @@ def bodies_of(traffic: Traffic) -> Bodies:
     )
 
 
-def wanted_speed(lanes: Lanes, factor: Float[Array, " v"], chain: Chain, params: TrafficParams) -> Float[Array, " v"]:
+def wanted_speed(
+    lanes: LaneTables, factor: Float[Array, " v"], chain: Chain, params: TrafficParams
+) -> Float[Array, " v"]:
     """Speed to aim for [m/s]: each driver's `factor` of the limit, capped in curves here and ahead."""
     limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
     allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, limit)
@@ -93,7 +95,7 @@ def wanted_speed(lanes: Lanes, factor: Float[Array, " v"], chain: Chain, params:
 
 
 def follow(
-    lanes: Lanes, traffic: Traffic, chain: Chain, braking: Float[Array, " v"], params: TrafficParams
+    lanes: LaneTables, traffic: Traffic, chain: Chain, braking: Float[Array, " v"], params: TrafficParams
 ) -> Float[Array, " v"]:
     """Acceleration [m/s^2]: free road less the strongest of `braking` and what the vehicle ahead asks for."""
     bodies = bodies_of(traffic)
@@ -116,7 +118,7 @@ def blend(share: Float[Array, " v"]) -> Float[Array, " v"]:
 
 
 def move(
-    lanes: Lanes, traffic: Traffic, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
+    lanes: LaneTables, traffic: Traffic, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
 ) -> Traffic:
     """Traffic after `dt` s: along the links, from link to link, and across in a lane change.
 
@@ -141,7 +143,7 @@ def move(
     return _cross(lanes, traffic, moving, params)
 
 
-def _cross(lanes: Lanes, traffic: Traffic, moving: Array, params: TrafficParams) -> Traffic:
+def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficParams) -> Traffic:
     """Hand vehicles that passed the end of their link (or of their other link) to the next one."""
     length = take(lanes.graph.length, traffic.link)
     other_length = take(lanes.graph.length, traffic.other)
@@ -165,7 +167,7 @@ def _cross(lanes: Lanes, traffic: Traffic, moving: Array, params: TrafficParams)
     )
 
 
-def objects(lanes: Lanes, traffic: Traffic, params: TrafficParams) -> Objects:
+def objects(lanes: LaneTables, traffic: Traffic, params: TrafficParams) -> Objects:
     """The vehicles as boxes in the world, [V]."""
     row = roads.at(lanes, traffic.link, traffic.station)
     heading = row[:, roads.HEADING]

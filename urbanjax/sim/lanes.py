@@ -15,7 +15,7 @@ X, Y, HEADING, LEFT_STATION, LEFT_DISTANCE, RIGHT_STATION, RIGHT_DISTANCE = rang
 
 
 @pytree
-class Lanes:
+class LaneTables:
     """Derived once from a `RoadGraph` by `from_graph`; L links, P points each."""
 
     graph: RoadGraph
@@ -31,7 +31,7 @@ class Lanes:
     has_conflicts: bool = static(default=False)
 
 
-def from_graph(graph: RoadGraph, n_points: int = 63) -> Lanes:
+def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
     """The simulator's tables of `graph` with `n_points` per link; done once, outside jit."""
     n_links = graph.station.shape[0]
     order = jnp.argsort(~graph.has_successor, axis=1, stable=True)
@@ -40,7 +40,7 @@ def from_graph(graph: RoadGraph, n_points: int = 63) -> Lanes:
     goes_on = (to_left & (count[graph.left_link] > 0)) | (to_right & (count[graph.right_link] > 0))
     entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
     has_rival = graph.has_conflict & (graph.road_type == RoadType.JUNCTION)[:, None]
-    return Lanes(
+    return LaneTables(
         graph=graph,
         table=_table(graph, n_points).reshape(n_links * n_points, 7),
         successor=jnp.take_along_axis(graph.successor, order, axis=1).astype(jnp.int32),
@@ -94,7 +94,7 @@ def take(values: Array, index: Array) -> Array:
     return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
-def at(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"]) -> Float[Array, "n 7"]:
+def at(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"]) -> Float[Array, "n 7"]:
     """Rows of the table at `station` m along `link`, interpolated linearly and held beyond the ends."""
     last = lanes.n_points - 1
     u = jnp.clip(station / take(lanes.graph.length, link), 0.0, 1.0) * last
@@ -104,7 +104,7 @@ def at(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"]) -> Flo
     return take(lanes.table, first) * (1 - share) + take(lanes.table, first + 1) * share
 
 
-def following(lanes: Lanes, link: Int[Array, " n"], choice: Int[Array, " n"]) -> tuple[Int[Array, " n"], Array]:
+def following(lanes: LaneTables, link: Int[Array, " n"], choice: Int[Array, " n"]) -> tuple[Int[Array, " n"], Array]:
     """Next link of a driver who takes successor number `choice` mod count, and whether there is one."""
     count = take(lanes.n_successors, link)
     branches = lanes.successor.shape[1]
@@ -112,7 +112,7 @@ def following(lanes: Lanes, link: Int[Array, " n"], choice: Int[Array, " n"]) ->
     return follows, count > 0
 
 
-def place(lanes: Lanes, link: Int[Array, " e"], position: Float[Array, "2"]) -> Projection:
+def place(lanes: LaneTables, link: Int[Array, " e"], position: Float[Array, "2"]) -> Projection:
     """`position` projected on each link [e], its curvature left out; the station is held at the link's ends."""
     rows = lanes.table.reshape(-1, lanes.n_points, 7)[link]
     share = jnp.linspace(0.0, 1.0, lanes.n_points, dtype=rows.dtype)

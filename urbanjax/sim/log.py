@@ -8,7 +8,7 @@ from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import reaction
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import HARD, SimParams, WorldState, everybody
 from urbanjax.types import Command, Objects, VehicleState, pytree
 from urbanjax.vehicle.model import box_centre
@@ -30,7 +30,9 @@ class Log:
     traffic: Objects  # [T, V], all vehicles, seen or not
 
 
-def record(params: SimParams, lanes: Lanes, world: WorldState, command: Command, relaxation: Relaxation = HARD) -> Log:
+def record(
+    params: SimParams, lanes: LaneTables, world: WorldState, command: Command, relaxation: Relaxation = HARD
+) -> Log:
     """The world now, and the command given in it. The relaxation is that of `road_margin`."""
     ego, vehicle = world.ego, params.vehicle
     centre = box_centre(ego, vehicle)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.agents import Traffic, TrafficParams
-from urbanjax.sim.lanes import Lanes, take
+from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, Neighbour, ahead, behind, look_ahead, nearest
 from urbanjax.sim.priority import end_distance
 from urbanjax.types import pytree
@@ -50,7 +50,7 @@ def incentive(
     return own_gain + politeness * (new_follower_gain + old_follower_gain)
 
 
-def beside(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"], left: Bool[Array, ""]) -> Beside:
+def beside(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"], left: Bool[Array, ""]) -> Beside:
     """The place beside each vehicle, on the left or on the right."""
     graph, row = lanes.graph, roads.at(lanes, link, station)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
@@ -63,7 +63,7 @@ def beside(lanes: Lanes, link: Int[Array, " n"], station: Float[Array, " n"], le
 
 
 def decide(
-    lanes: Lanes, traffic: Traffic, drivers: Drivers, left: Bool[Array, ""], params: TrafficParams
+    lanes: LaneTables, traffic: Traffic, drivers: Drivers, left: Bool[Array, ""], params: TrafficParams
 ) -> tuple[Traffic, Float[Array, " v"]]:
     """Traffic with the changes that begin now, and braking [m/s^2] towards leaders in lanes being left.
 
@@ -92,12 +92,12 @@ def decide(
     return _begin(traffic, side, starts, params), jnp.where(changing, braking, 0.0)
 
 
-def _end_braking(lanes: Lanes, traffic: Traffic, chain: Chain, half: Array, idm: IDMParams) -> Array:
+def _end_braking(lanes: LaneTables, traffic: Traffic, chain: Chain, half: Array, idm: IDMParams) -> Array:
     return interaction(traffic.speed, end_distance(lanes, chain, half), jnp.zeros_like(half), idm)
 
 
 def _wants(
-    lanes: Lanes,
+    lanes: LaneTables,
     traffic: Traffic,
     drivers: Drivers,
     new_leader: Neighbour,

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from urbanjax.numerics import safe
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes, take
+from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.types import pytree
 
 FAR = 1e6  # m, "nobody there": finite, so that masked arithmetic stays finite
@@ -49,7 +49,7 @@ class Neighbour:
 
 
 def look_ahead(
-    lanes: Lanes,
+    lanes: LaneTables,
     link: Int[Array, " n"],
     station: Float[Array, " n"],
     choice: Int[Array, " n"],

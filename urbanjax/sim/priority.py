@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from urbanjax.numerics import safe
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
-from urbanjax.sim.lanes import Lanes, take
+from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain
 from urbanjax.types import Signals, SignalState
 from urbanjax.vehicle.limits import stopping_distance
@@ -49,7 +49,7 @@ def red_distance(
     return found
 
 
-def end_distance(lanes: Lanes, chain: Chain, front: Float[Array, " n"]) -> Float[Array, " n"]:
+def end_distance(lanes: LaneTables, chain: Chain, front: Float[Array, " n"]) -> Float[Array, " n"]:
     """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not."""
     to_end = chain.start + take(lanes.graph.length, chain.link)
     ends = take(lanes.ends, chain.link) & (chain.start > -0.5 * FAR)
@@ -57,7 +57,7 @@ def end_distance(lanes: Lanes, chain: Chain, front: Float[Array, " n"]) -> Float
 
 
 def yield_distance(
-    lanes: Lanes,
+    lanes: LaneTables,
     bodies: Bodies,
     chain: Chain,
     stopped: Bool[Array, " n"],

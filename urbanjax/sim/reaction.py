@@ -13,7 +13,7 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.agents import Traffic, TrafficParams
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.neighbours import FAR, Chain
 from urbanjax.types import VehicleState, pytree
 from urbanjax.vehicle.following import interaction
@@ -46,7 +46,9 @@ class Presence:
     length: Array  # [] m
 
 
-def own_link(lanes: Lanes, previous: Int[Array, ""], centre: Float[Array, "2"], heading: Float[Array, ""]) -> Array:
+def own_link(
+    lanes: LaneTables, previous: Int[Array, ""], centre: Float[Array, "2"], heading: Float[Array, ""]
+) -> Array:
     """The link the ego is on now [int32]: the nearest of the previous one, its neighbours and its successors."""
     graph = lanes.graph
     beside = jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]])
@@ -71,7 +73,7 @@ def around(graph: RoadGraph, link: Int[Array, ""]) -> tuple[Int[Array, " e"], Bo
 
 
 def presence(
-    lanes: Lanes, link: Int[Array, ""], ego: VehicleState, vehicle: VehicleParams, params: ReactionParams
+    lanes: LaneTables, link: Int[Array, ""], ego: VehicleState, vehicle: VehicleParams, params: ReactionParams
 ) -> Presence:
     """Where the ego stands on `link`, the one it is on, and on the links beside it."""
     links, exists = around(lanes.graph, link)

@@ -9,12 +9,12 @@ from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import agents, mobil, priority, reaction, replay, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import LaneTables
+from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.replay import Replay
-from urbanjax.sim.sensors.lidar import LidarParams, sweep
-from urbanjax.sim.sensors.surroundings import Surroundings
+from urbanjax.sim.scenery.scenery import Scenery
 from urbanjax.sim.signals import SignalProgram
 from urbanjax.types import Command, Objects, Observation, Odometry, VehicleState, pytree, static
 from urbanjax.vehicle.following import free_acceleration
@@ -53,7 +53,7 @@ class WorldState:
 
 def step(
     params: SimParams,
-    lanes: Lanes,
+    lanes: LaneTables,
     world: WorldState,
     command: Command,
     dt: float | Float[Array, ""],
@@ -94,7 +94,7 @@ class Held:
     braking: Array  # [V] m/s^2, towards the leader in a lane being left
 
 
-def _decide(params: SimParams, lanes: Lanes, world: WorldState) -> tuple[Traffic, Presence, Array, Held]:
+def _decide(params: SimParams, lanes: LaneTables, world: WorldState) -> tuple[Traffic, Presence, Array, Held]:
     """The choices of one policy step: traffic with begun changes, the ego's presence and its link."""
     p, traffic, ego = params.traffic, world.traffic, world.ego
     ego_link = reaction.own_link(lanes, world.ego_link, box_centre(ego, params.vehicle), ego.heading)
@@ -109,7 +109,7 @@ def _decide(params: SimParams, lanes: Lanes, world: WorldState) -> tuple[Traffic
     return traffic, seen, ego_link, Held(held, held_braking)
 
 
-def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
+def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
     """Traffic and, last, the ego: it follows the first successor and drives like the default driver.
 
     An ego that is outside its own lane (off the road, or on the oncoming side) has no say here.
@@ -143,7 +143,7 @@ def _drivers(lanes: Lanes, traffic: Traffic, seen: Presence, params: TrafficPara
     return mobil.Drivers(bodies, chain, route, exists, free, headway)
 
 
-def _holds(lanes: Lanes, world: WorldState, drivers: mobil.Drivers, params: TrafficParams) -> Array:
+def _holds(lanes: LaneTables, world: WorldState, drivers: mobil.Drivers, params: TrafficParams) -> Array:
     """Distance to where each vehicle has to stop [V] m: red signal, end of the lane, right of way."""
     v, bodies, chain = world.traffic.link.shape[0], drivers.bodies, drivers.chain
     shown = signals.show(world.signals, world.time)
@@ -159,11 +159,11 @@ def _holds(lanes: Lanes, world: WorldState, drivers: mobil.Drivers, params: Traf
 class Sensing:
     """What a sensor needs of the world beyond the road, for egos that find their pose from scans."""
 
-    surroundings: Surroundings
+    surroundings: Scenery
     key: Array  # of the noise
 
 
-def observe(params: SimParams, lanes: Lanes, world: WorldState, sensing: Sensing | None = None) -> Observation:
+def observe(params: SimParams, lanes: LaneTables, world: WorldState, sensing: Sensing | None = None) -> Observation:
     """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals.
 
     With `sensing` it is not told its pose, but given a scan of its LiDAR.
@@ -189,7 +189,7 @@ def observe(params: SimParams, lanes: Lanes, world: WorldState, sensing: Sensing
     )
 
 
-def everybody(params: SimParams, lanes: Lanes, world: WorldState) -> Objects:
+def everybody(params: SimParams, lanes: LaneTables, world: WorldState) -> Objects:
     """All other road users, simulated and recorded."""
     vehicles = agents.objects(lanes, world.traffic, params.traffic)
     if world.replay is None:

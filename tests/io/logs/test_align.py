@@ -5,7 +5,7 @@ import pytest
 
 from urbanjax.io import logs
 from urbanjax.io.logs import LogError
-from urbanjax.io.logs.align import AlignParams, align
+from urbanjax.io.logs.align import LogAlignParams, align
 from urbanjax.io.logs.frame import Frame, from_pairs
 
 
@@ -66,7 +66,7 @@ def test_the_frame_of_noisy_pairs_is_that_of_least_squares():
 def test_a_lap_or_a_part_of_one_finds_its_frame(frame, part):
     step = 1 if part[1] > part[0] else -1  # the last is driven against the line
     way = LINE[np.arange(part[0], part[1], step) % 400]
-    found = align(seen(way, frame, 0.3), LINE, True, AlignParams(reflection="either", starts=8))
+    found = align(seen(way, frame, 0.3), LINE, True, LogAlignParams(reflection="either", starts=8))
     assert found.frame.reflected == frame.reflected
     assert found.frame.scale == pytest.approx(1.0)
     off = np.linalg.norm(found.frame.apply(seen(way, frame)) - way, axis=-1)
@@ -86,7 +86,7 @@ def test_several_laps_in_one_path_find_their_frame():
 
 def test_scale_is_found_within_its_limits():
     frame = Frame(1.07, False, 1.0, (20.0, 30.0))
-    found = align(seen(LINE, frame), LINE, True, AlignParams(scale_limit=1.2))
+    found = align(seen(LINE, frame), LINE, True, LogAlignParams(scale_limit=1.2))
     assert found.frame.scale == pytest.approx(1.07, abs=1e-3)
     assert found.rms < 0.05
     fixed = align(seen(LINE, frame), LINE, True)
@@ -97,7 +97,7 @@ def test_scale_is_found_within_its_limits():
 def test_paths_in_one_frame_are_aligned_together_and_strays_do_not_count():
     paths = [seen(LINE[a:b], FRAMES[0], 0.2, a) for a, b in ((0, 150), (120, 260), (230, 400))]
     stray = seen(np.stack([np.linspace(60, 120, 20), np.zeros(20)], -1), FRAMES[0])  # into a pit
-    found = align([*paths, stray], LINE, True, AlignParams(keep=0.9))
+    found = align([*paths, stray], LINE, True, LogAlignParams(keep=0.9))
     off = np.concatenate([found.frame.apply(p) for p in paths]) - np.concatenate(
         [LINE[:150], LINE[120:260], LINE[230:]]
     )
@@ -107,7 +107,7 @@ def test_paths_in_one_frame_are_aligned_together_and_strays_do_not_count():
 
 
 def test_a_line_that_is_a_part_of_the_path_finds_the_frame():
-    found = align(seen(LINE, FRAMES[0]), LINE[100:250], False, AlignParams(keep=0.35, starts=24))
+    found = align(seen(LINE, FRAMES[0]), LINE[100:250], False, LogAlignParams(keep=0.35, starts=24))
     off = found.frame.apply(seen(LINE[120:230], FRAMES[0])) - LINE[120:230]
     assert np.linalg.norm(off, axis=-1).max() < 0.5
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from urbanjax.io.figures.maps import draw_map
 from urbanjax.io.maps import validity
 from urbanjax.io.maps.centre import borders, centre_line
-from urbanjax.io.maps.figure import draw_map
 from urbanjax.io.maps.lanes import assemble, may_cross
 from urbanjax.io.maps.road import MapLane
 from urbanjax.io.maps.xml import MapError

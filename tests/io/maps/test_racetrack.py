@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 
+from urbanjax.course import course_between
 from urbanjax.io import maps
 from urbanjax.io.maps import MapError, racetrack
-from urbanjax.roadmap.course import course_between
-from urbanjax.roadmap.extended import ExtendParams
+from urbanjax.roadmap.corridor import CorridorParams
 
 TUM, LTPL = "tum", "ltpl"
 
@@ -55,10 +55,10 @@ def test_a_circle_becomes_a_chain_of_links_round_it(tmp_path, form):
 
 def test_the_track_can_be_driven_round(tmp_path):
     found = maps.read(write(tmp_path, text(circle())))
-    course = course_between(found.graph, 0, len(found.ids) - 1, extended=ExtendParams(lanes=1, n_stations=512))
-    there = np.asarray(course.extended.valid)
-    assert float(course.extended.length) == pytest.approx(2 * np.pi * 39.0, rel=2e-3)
-    np.testing.assert_allclose(np.asarray(course.extended.lane_width)[there], 8.0, atol=0.02)
+    course = course_between(found.graph, 0, len(found.ids) - 1, corridor=CorridorParams(lanes=1, n_stations=512))
+    there = np.asarray(course.corridor.valid)
+    assert float(course.corridor.length) == pytest.approx(2 * np.pi * 39.0, rel=2e-3)
+    np.testing.assert_allclose(np.asarray(course.corridor.lane_width)[there], 8.0, atol=0.02)
 
 
 def test_columns_are_found_by_their_names(tmp_path):

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from urbanjax.io.logs.closest import feet, refined
 from urbanjax.io.logs.frame import Frame, apart, fit, frame, mirrors
-from urbanjax.io.logs.line import Line, along, thinned
+from urbanjax.io.logs.line import LogLine, along, thinned
 from urbanjax.io.logs.record import LogError
 from urbanjax.types import pytree, static
 
@@ -23,7 +23,7 @@ FINE = 8000  # points of the result
 
 
 @pytree
-class AlignParams:
+class LogAlignParams:
     """What a frame may do, and how it is searched."""
 
     reflection: str = static(default="no", metadata={"choices": ("no", "yes", "either")})
@@ -36,12 +36,12 @@ class AlignParams:
     apart: float = static(default=0.02, metadata={"range": (1e-4, 1.0)})  # of the extent: frames further off differ
 
 
-DEFAULT = AlignParams()
+DEFAULT = LogAlignParams()
 
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
-class Start:
+class AlignStart:
     """Where one start led."""
 
     frame: Frame
@@ -52,7 +52,7 @@ class Start:
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
-class Alignment:
+class LogAlignment:
     """The best frame, how far its points are from the line, and what else would do."""
 
     frame: Frame
@@ -60,15 +60,15 @@ class Alignment:
     median: float  # m, of all points
     p95: float  # m
     coverage: float  # share of the line that has points beside it
-    starts: tuple[Start, ...]  # by rms
+    starts: tuple[AlignStart, ...]  # by rms
     second_rms: float  # m, of the best frame that differs; infinite where there is none
     ambiguous: bool  # the second is about as good
     verdict: str
 
 
 def align(
-    paths: np.ndarray | Sequence[np.ndarray], line: np.ndarray, closed: bool, params: AlignParams = DEFAULT
-) -> Alignment:
+    paths: np.ndarray | Sequence[np.ndarray], line: np.ndarray, closed: bool, params: LogAlignParams = DEFAULT
+) -> LogAlignment:
     """The frame in which paths [n, 2] (one, or several in one frame) follow a line [m, 2], both in m.
 
     The longest path is held against every part of the line that is as long as it, which gives the starts (closed
@@ -78,8 +78,8 @@ def align(
     paths = [np.asarray(paths, float)] if isinstance(paths, np.ndarray) else [np.asarray(p, float) for p in paths]
     if not paths:
         raise LogError("align: there are no paths")
-    course = Line.of(line, closed, "the line")
-    curves = [Line.of(thinned(_checked(p, k), course.spacing), False, f"path {k}") for k, p in enumerate(paths)]
+    course = LogLine.of(line, closed, "the line")
+    curves = [LogLine.of(thinned(_checked(p, k), course.spacing), False, f"path {k}") for k, p in enumerate(paths)]
     limits = (1 / params.scale_limit, params.scale_limit)
     total = sum(curve.length for curve in curves)
     coarse, fine = (
@@ -96,7 +96,7 @@ def align(
     ]
     starts.sort(key=lambda item: item[2])
     best, rms = refined(fine, course, tree, starts[0][1], limits, params.keep, params.iterations)
-    listed = tuple(Start(f, first, r, apart(f, best, coarse)) for first, f, r in starts)
+    listed = tuple(AlignStart(f, first, r, apart(f, best, coarse)) for first, f, r in starts)
     return _judged(best, rms, fine, course, tree, listed, params)
 
 
@@ -106,7 +106,9 @@ def _checked(path: np.ndarray, k: int) -> np.ndarray:
     return path
 
 
-def _starts(lead: Line, course: Line, limits: tuple[float, float], params: AlignParams) -> list[tuple[float, Frame]]:
+def _starts(
+    lead: LogLine, course: LogLine, limits: tuple[float, float], params: LogAlignParams
+) -> list[tuple[float, Frame]]:
     """The best frames, each with its rms, of the path's shape held against parts of the line; no two are alike."""
     found: list[tuple[float, Frame]] = []
     guesses = {1.0, float(np.clip(course.length / lead.length, *limits))}
@@ -143,11 +145,11 @@ def _judged(
     best: Frame,
     rms: float,
     points: np.ndarray,
-    course: Line,
+    course: LogLine,
     tree: cKDTree,
-    starts: tuple[Start, ...],
-    params: AlignParams,
-) -> Alignment:
+    starts: tuple[AlignStart, ...],
+    params: LogAlignParams,
+) -> LogAlignment:
     mapped = best.apply(points)
     distance = feet(mapped, course, tree)[1]
     median, p95 = (float(q) for q in np.quantile(distance, [0.5, 0.95]))
@@ -158,4 +160,4 @@ def _judged(
     words = f"rms {rms:.2f} m, median {median:.2f} m, 95 % within {p95:.2f} m, {len(beside)} % of the line met"
     if ambiguous:
         words += f"; ambiguous: another frame does about as well (rms {second:.2f} m): give pairs of points"
-    return Alignment(best, rms, median, p95, len(beside) / 100, starts, second, ambiguous, words)
+    return LogAlignment(best, rms, median, p95, len(beside) / 100, starts, second, ambiguous, words)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from urbanjax.io.logs.frame import Frame, apart, fit, frame
-from urbanjax.io.logs.line import Line
+from urbanjax.io.logs.line import LogLine
 
 SETTLED = 1e-6  # of the line's extent: a step that moves points by less is the last
 SLIDES = 15  # most steps that let points slide along the line
@@ -12,7 +12,7 @@ SLIDES = 15  # most steps that let points slide along the line
 
 def refined(
     points: np.ndarray,
-    course: Line,
+    course: LogLine,
     tree: cKDTree,
     begin: Frame,
     limits: tuple[float, float],
@@ -46,7 +46,7 @@ def refined(
     return here, rms
 
 
-def feet(points: np.ndarray, course: Line, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
+def feet(points: np.ndarray, course: LogLine, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
     """Nearest points of the line [n, 2] and distances to them [n], m."""
     near = np.asarray(tree.query(points)[1])
     base, tangent = course.points[near], course.tangent[near]
@@ -55,13 +55,13 @@ def feet(points: np.ndarray, course: Line, tree: cKDTree) -> tuple[np.ndarray, n
     return foot, np.linalg.norm(points - foot, axis=-1)
 
 
-def _rms(points: np.ndarray, course: Line, tree: cKDTree, here: Frame, count: int) -> float:
+def _rms(points: np.ndarray, course: LogLine, tree: cKDTree, here: Frame, count: int) -> float:
     distance = feet(here.apply(points), course, tree)[1]
     return float(np.sqrt(np.mean(np.partition(distance, count - 1)[:count] ** 2)))
 
 
 def _across(
-    points: np.ndarray, course: Line, tree: cKDTree, here: Frame, limits: tuple[float, float], count: int
+    points: np.ndarray, course: LogLine, tree: cKDTree, here: Frame, limits: tuple[float, float], count: int
 ) -> Frame:
     """The frame after one step of least squares on the distances across the line."""
     mapped = here.apply(points)

@@ -9,10 +9,10 @@ import numpy as np
 
 from urbanjax.io.logs.format import LogFormat
 from urbanjax.io.logs.record import LogError, path_text
-from urbanjax.io.logs.table import Table, short, text_of
+from urbanjax.io.logs.table import LogTable, short, text_of
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> Table:
+def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
     """The table of a CSV: a preamble, a header and rows of as many cells."""
     text = text_of(path, data)
     *head, rest = text.split("\n", form.preamble + 1)
@@ -37,7 +37,7 @@ def load(path: Path, data: bytes, form: LogFormat) -> Table:
     def read(wanted: tuple[str, ...]) -> tuple[dict[str, Any], np.ndarray]:
         return _cells(path, rest.rstrip("\r\n"), names, wanted, form)
 
-    return Table(path, tuple(names), tuple(stated or ()), "line", read)
+    return LogTable(path, tuple(names), tuple(stated or ()), "line", read)
 
 
 def _split(line: str, delimiter: str) -> list[str]:

@@ -8,12 +8,12 @@ import numpy as np
 
 from urbanjax.io.logs.format import LogFormat, nearest
 from urbanjax.io.logs.record import LogError, path_text
-from urbanjax.io.logs.table import Table, short, text_of
+from urbanjax.io.logs.table import LogTable, short, text_of
 
 DEEPEST = 16  # groups within each other
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> Table:
+def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
     """The table of a JSON file: columns (lists of one length) or a list of records, below the key `records`."""
     text = text_of(path, data)
     try:
@@ -30,14 +30,14 @@ def load(path: Path, data: bytes, form: LogFormat) -> Table:
         tree = tree[key]
     if isinstance(tree, dict):
         columns = dict(_columns(tree))
-        return Table(path, tuple(columns), (), "element", lambda wanted: _even(path, columns, wanted))
+        return LogTable(path, tuple(columns), (), "element", lambda wanted: _even(path, columns, wanted))
     if not isinstance(tree, list) or not tree or not all(isinstance(record, dict) for record in tree):
         raise LogError(
             f"{path_text(path)}: holds neither columns nor a list of records; name the key that does (records)"
         )
     records = [_flat(record) for record in tree]
     known = tuple(dict.fromkeys(name for record in records for name in record))
-    return Table(
+    return LogTable(
         path,
         known,
         (),

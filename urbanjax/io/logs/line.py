@@ -12,7 +12,7 @@ POINTS = 4000  # of a line between which feet are found
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
-class Line:
+class LogLine:
     """A curve at POINTS points of even spacing."""
 
     points: np.ndarray  # [POINTS, 2] m
@@ -24,7 +24,7 @@ class Line:
     closed: bool
 
     @staticmethod
-    def of(vertices: np.ndarray, closed: bool, name: str) -> "Line":
+    def of(vertices: np.ndarray, closed: bool, name: str) -> "LogLine":
         """The line through vertices [m, 2]. Raises LogError where they are not finite or all one point."""
         vertices = np.asarray(vertices, float)
         if vertices.ndim != 2 or vertices.shape[-1] != 2 or not np.isfinite(vertices).all():
@@ -46,7 +46,7 @@ class Line:
         behind, ahead = -reach, reach.copy()
         if not closed:
             behind[0] = ahead[-1] = 0.0
-        return Line(points, tangent, behind, ahead, vertices, station, closed)
+        return LogLine(points, tangent, behind, ahead, vertices, station, closed)
 
     @property
     def length(self) -> float:
@@ -69,7 +69,7 @@ class Line:
         return np.stack([np.interp(station, self.station, axis) for axis in self.vertices.T], -1)
 
 
-def along(line: Line, count: int) -> np.ndarray:
+def along(line: LogLine, count: int) -> np.ndarray:
     """`count` stations [count] of even spacing, m."""
     return np.linspace(0.0, line.length, count)
 

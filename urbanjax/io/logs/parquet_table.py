@@ -9,12 +9,12 @@ import numpy as np
 
 from urbanjax.io.logs.format import LogFormat
 from urbanjax.io.logs.record import LogError, path_text
-from urbanjax.io.logs.table import Table, short
+from urbanjax.io.logs.table import LogTable, short
 
 MOST_CELLS = 100_000_000  # of the columns that are read
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> Table:
+def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
     """The table of a Parquet file with flat columns."""
     import pyarrow
     import pyarrow.parquet
@@ -37,7 +37,7 @@ def load(path: Path, data: bytes, form: LogFormat) -> Table:
             raise LogError(f"{path_text(path)}: is a damaged Parquet file ({short(error)})") from error
         return columns, np.arange(table.num_rows)
 
-    return Table(path, names, (), "row", read)
+    return LogTable(path, names, (), "row", read)
 
 
 def _plain(array: Any) -> Any:

@@ -15,11 +15,11 @@ from urbanjax.io.logs.agreement import compared
 from urbanjax.io.logs.checks import Samples, cleaned
 from urbanjax.io.logs.format import LogFormat, check
 from urbanjax.io.logs.record import LogError, VehicleLog, path_text
-from urbanjax.io.logs.table import Table
+from urbanjax.io.logs.table import LogTable
 from urbanjax.types import FileError
 
 LARGEST = 256 * 2**20  # bytes of a file
-LOADERS: dict[str, Callable[[Path, bytes, LogFormat], Table]] = {
+LOADERS: dict[str, Callable[[Path, bytes, LogFormat], LogTable]] = {
     ".csv": csv_table.load,
     ".txt": csv_table.load,
     ".json": json_table.load,
@@ -80,7 +80,7 @@ def read_file(path: Path, form: LogFormat) -> list[VehicleLog]:
     return logs
 
 
-def load(path: Path, form: LogFormat) -> Table:
+def load(path: Path, form: LogFormat) -> LogTable:
     """The table of a file, by its suffix. Raises LogError for a file that is missing, too large or no such file."""
     loader = LOADERS.get(path.suffix.lower())
     if loader is None:
@@ -114,11 +114,11 @@ def named(path: Path, form: LogFormat) -> dict[str, str]:
     return match.groupdict()
 
 
-def _single(table: Table, form: LogFormat) -> Iterator[Part]:
+def _single(table: LogTable, form: LogFormat) -> Iterator[Part]:
     yield Part({}, {role: name for role in ROLES if (name := getattr(form.columns, role))}, None)
 
 
-def _long(table: Table, form: LogFormat) -> Iterator[Part]:
+def _long(table: LogTable, form: LogFormat) -> Iterator[Part]:
     """One part per vehicle, team and run, in the order in which they first appear."""
     columns = {role: name for role in ROLES if (name := getattr(form.columns, role))}
     keys = {role: name for role in ("vehicle", "team", "run") if (name := getattr(form.columns, role))}
@@ -131,7 +131,7 @@ def _long(table: Table, form: LogFormat) -> Iterator[Part]:
         yield Part(dict(zip(keys, key, strict=True)), columns, np.array(which))
 
 
-def _wide(table: Table, form: LogFormat) -> Iterator[Part]:
+def _wide(table: LogTable, form: LogFormat) -> Iterator[Part]:
     """One part per number i that the header has columns for; the preamble names the vehicles, or the number does."""
     before, after = form.columns.x.split("{i}", 1)
     numbered = [re.fullmatch(f"{re.escape(before)}([0-9]{{1,6}}){re.escape(after)}", name) for name in table.names]
@@ -152,11 +152,11 @@ def _wide(table: Table, form: LogFormat) -> Iterator[Part]:
 LAYOUTS = {"single": _single, "long": _long, "wide": _wide}
 
 
-def _where(table: Table, rows: np.ndarray, column: str) -> Callable[[int], str]:
+def _where(table: LogTable, rows: np.ndarray, column: str) -> Callable[[int], str]:
     return lambda k: f"{path_text(table.path)}: {table.word} {rows[k]}, column {column!r}"
 
 
-def _log(table: Table, form: LogFormat, part: Part, stated: dict[str, str]) -> VehicleLog | None:
+def _log(table: LogTable, form: LogFormat, part: Part, stated: dict[str, str]) -> VehicleLog | None:
     """The log of one part of a table; None where it has fewer than two samples and may be left out."""
     found, rows = table.cells(list(part.columns.values()))
     rows = rows if part.which is None else rows[part.which]

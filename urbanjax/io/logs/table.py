@@ -10,7 +10,7 @@ from urbanjax.io.logs.format import nearest
 from urbanjax.io.logs.record import LogError, path_text
 
 
-class Table(NamedTuple):
+class LogTable(NamedTuple):
     """A file whose cells are read column by column."""
 
     path: Path

@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
+from urbanjax.evaluation.recorded.planning_problem import Goal, PlanningProblem, Region
 from urbanjax.io.maps import commonroad, lanelet2, racetrack, sumo
-from urbanjax.io.maps.recording import Goal, PlanningProblem, Recording, Region
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap, SignalCycle
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
 from urbanjax.io.maps.xml import MapError, parse
+from urbanjax.sim.recording import Recording
 
 __all__ = [
-    "Fault",
     "Goal",
     "MapError",
+    "MapFault",
     "MapLane",
     "PlanningProblem",
     "Recording",

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from urbanjax.io.maps.lanes import assemble, may_cross
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap, SignalCycle
-from urbanjax.io.maps.traffic import planning_problems, recording
+from urbanjax.io.maps.obstacles import planning_problems, recording
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
 from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
@@ -46,7 +46,7 @@ def read(xml: Xml) -> RoadMap:
     foot = {xml.id(element) for element in elements} - drivable.keys()
     lanes = [_lane(xml, e, foot, signs, lights, turns, highway) for e in elements if xml.id(e) in drivable]
     absent = [
-        Fault("dangling link", xml.id(element), f"its {kind} {ref.get('ref')!r} is missing")
+        MapFault("dangling link", xml.id(element), f"its {kind} {ref.get('ref')!r} is missing")
         for element in elements
         for kind, known in (("trafficSign", signs), ("trafficLight", lights))
         for ref in element.iter(f"{kind}Ref")

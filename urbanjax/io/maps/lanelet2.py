@@ -9,7 +9,7 @@ import numpy as np
 from urbanjax.io.maps.geodesy import transverse_mercator
 from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.regulation import Regulation, regulations
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.builders.relations import project
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
@@ -66,7 +66,7 @@ def read(xml: Xml) -> RoadMap:
     parts = [part for key, e in drivable.items() for part in _lanelet(xml, key, e, ways, place)]
     follows, beside = _tables(parts)
     absent = [
-        Fault("dangling link", key, f"its regulatory element {ref} is missing")
+        MapFault("dangling link", key, f"its regulatory element {ref} is missing")
         for key, e in drivable.items()
         for ref in members(xml, e, "relation", "regulatory_element")
         if ref not in relations

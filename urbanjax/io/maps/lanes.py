@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from urbanjax.io.maps.centre import SHORTEST, WIDEST, CentreLine, centre_line, stations
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.io.maps.xml import MapError
 from urbanjax.roadmap import builders
-from urbanjax.roadmap.builders.relations import crossing
-from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
+from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import RoadError
 
 SPACING = 2.0  # m, between the points of the longest link
@@ -22,7 +21,6 @@ MEETING = 0.5  # m, between ends that are the same place
 GAP = 3.0  # m from a lane's end to its successor's start, beyond which the link is left out
 TURNING = np.radians(30.0)  # change of heading from which a link of a fork turns
 BACK = np.radians(150.0)  # and from which it turns back
-CROSSING = np.radians(15.0)  # angle from which lanes cross rather than part
 MOST_LANES = 20_000
 DEFAULT_LIMIT = {RoadType.HIGHWAY: 120 / 3.6, RoadType.RAMP: 80 / 3.6}  # m/s, where a map has none; else 50 km/h
 
@@ -42,12 +40,12 @@ def assemble(path: Path, form: str, lanes: Sequence[MapLane], gap: float = GAP, 
     twice = [lane for lane, count in Counter(lane.id for lane in lanes).items() if count > 1]
     if twice:
         raise MapError(f"{path}: the lane {twice[0]!r} occurs twice")
-    faults: list[Fault] = _too_far_or_wide(path, lanes)
+    faults: list[MapFault] = _too_far_or_wide(path, lanes)
     lines = {lane.id: centre_line(lane) for lane in lanes}
     kept = [lane for lane in lanes if lines[lane.id].length >= SHORTEST]
     if not kept:
         raise MapError(f"{path}: none of its {len(lanes)} lanes has a length")
-    faults += [Fault("zero length", lane.id, "left out") for lane in lanes if lines[lane.id].length < SHORTEST]
+    faults += [MapFault("zero length", lane.id, "left out") for lane in lanes if lines[lane.id].length < SHORTEST]
     successors = _successors(lanes, lines, gap, faults)
     sides = _sides(kept, lines, faults)
     forks = {j for following in successors.values() if len(following) > 1 for j in following}
@@ -69,7 +67,7 @@ def assemble(path: Path, form: str, lanes: Sequence[MapLane], gap: float = GAP, 
     except RoadError as error:
         raise MapError(f"{path}: {error}") from error
     return RoadMap(
-        graph=_junctions(graph, kept),
+        graph=graph,
         ids=tuple(lane.id for lane in kept),
         format=form,
         path=path,
@@ -82,14 +80,13 @@ def assemble(path: Path, form: str, lanes: Sequence[MapLane], gap: float = GAP, 
 
 def _spec(lane: MapLane, line: CentreLine, stated: dict[str, Any]) -> builders.LaneSpec:
     """What the builder needs of a lane."""
-    road_type = RoadType.URBAN if lane.road_type is None else lane.road_type
     return builders.LaneSpec(
         key=lane.id,
         centre=line.centre,
         heading=line.heading,
         width=line.width,
-        speed_limit=lane.speed_limit or DEFAULT_LIMIT.get(road_type, 50 / 3.6),
-        road_type=road_type,
+        speed_limit=lane.speed_limit or DEFAULT_LIMIT.get(lane.road_type or RoadType.URBAN, 50 / 3.6),
+        road_type=lane.road_type,
         area=lane.area,
         **stated,
     )
@@ -105,7 +102,7 @@ def _rules(lanes: Sequence[MapLane], successors: dict[Hashable, list[Hashable]])
     return out
 
 
-def _too_far_or_wide(path: Path, lanes: Sequence[MapLane]) -> list[Fault]:
+def _too_far_or_wide(path: Path, lanes: Sequence[MapLane]) -> list[MapFault]:
     """The lanes whose width is cut; raises MapError for one too far from the others, before anything grows with it."""
     middle = np.median([lane.left[0] for lane in lanes], axis=0)
     out = []
@@ -114,7 +111,7 @@ def _too_far_or_wide(path: Path, lanes: Sequence[MapLane]) -> list[Fault]:
         if max(np.abs(left).max(), np.abs(right).max()) > FARTHEST:
             raise MapError(f"{path}: the lane {lane.id!r} reaches {FARTHEST / 1000:.0f} km away from the other lanes")
         if np.hypot(*(left[0] - right[0])) > WIDEST or np.hypot(*(left[-1] - right[-1])) > WIDEST:
-            out.append(Fault("too wide", lane.id, f"its borders begin or end more than {WIDEST:.0f} m apart"))
+            out.append(MapFault("too wide", lane.id, f"its borders begin or end more than {WIDEST:.0f} m apart"))
     return out
 
 
@@ -132,7 +129,7 @@ def may_cross(marking: str | None, side: str) -> bool | None:
 
 
 def _successors(
-    lanes: Sequence[MapLane], lines: dict[Hashable, CentreLine], gap: float, faults: list[Fault]
+    lanes: Sequence[MapLane], lines: dict[Hashable, CentreLine], gap: float, faults: list[MapFault]
 ) -> dict[Hashable, list[Hashable]]:
     """Successors of each lane that exist and begin where it ends; lanes without length are passed through.
 
@@ -146,7 +143,7 @@ def _successors(
                 stated[i][j] = None
             else:
                 what, missing = ("predecessor", i) if j == lane.id else ("successor", j)
-                faults.append(Fault("dangling link", lane.id, f"its {what} {missing!r} is missing"))
+                faults.append(MapFault("dangling link", lane.id, f"its {what} {missing!r} is missing"))
 
     def away(i: Hashable, j: Hashable) -> float:
         return float(np.hypot(*(lines[i].centre[-1] - lines[j].centre[0])))
@@ -159,10 +156,12 @@ def _successors(
             elif i != j and away(j, i) <= MEETING:
                 out[j][i] = None
                 faults.append(
-                    Fault("turned link", i, f"its successor {j!r} ends where it begins: taken as predecessor")
+                    MapFault("turned link", i, f"its successor {j!r} ends where it begins: taken as predecessor")
                 )
             else:
-                faults.append(Fault("gap", i, f"its successor {j!r} begins {away(i, j):.1f} m from its end: left out"))
+                faults.append(
+                    MapFault("gap", i, f"its successor {j!r} begins {away(i, j):.1f} m from its end: left out")
+                )
     return {i: list(following) for i, following in out.items()}
 
 
@@ -184,7 +183,7 @@ def _through(
 
 
 def _sides(
-    lanes: Sequence[MapLane], lines: dict[Hashable, CentreLine], faults: list[Fault]
+    lanes: Sequence[MapLane], lines: dict[Hashable, CentreLine], faults: list[MapFault]
 ) -> dict[Hashable, dict[str, Any]]:
     """Neighbour and permission of each lane on each side, as LaneSpec has them."""
     kept = {lane.id for lane in lanes}
@@ -195,7 +194,7 @@ def _sides(
             beside, change = getattr(lane, f"{side}_id"), getattr(lane, f"{side}_change")
             if beside is not None and (beside not in kept or beside == lane.id):
                 what = "is itself" if beside == lane.id else "has no length" if beside in lines else "is missing"
-                faults.append(Fault("dangling link", lane.id, f"{side} neighbour {beside!r} {what}"))
+                faults.append(MapFault("dangling link", lane.id, f"{side} neighbour {beside!r} {what}"))
                 beside = None
             # Without a neighbour, permission means that the oncoming lane may be used: the map must say so.
             towards = lane.opposite_id if side == "left" else None
@@ -225,18 +224,3 @@ def _stop(line: CentreLine, at: np.ndarray | None) -> float | None:
     away = np.hypot(*(a + share[:, None] * d - at).T)
     k = int(away.argmin())
     return float(station[k] + share[k] * (station[k + 1] - station[k])) if away[k] < 10.0 else None
-
-
-def _junctions(graph: RoadGraph, lanes: Sequence[MapLane]) -> RoadGraph:
-    """The graph with links of unstated type that cross another one as links of a junction."""
-    import jax.numpy as jnp
-
-    unknown = np.array([lane.road_type is None for lane in lanes])
-    has, other = np.asarray(graph.has_conflict), np.asarray(graph.conflict)
-    i, x = np.nonzero(has & unknown[:, None])
-    centre = np.asarray(graph.centre, float)
-    crosses = np.zeros(len(lanes), bool)
-    for part in np.array_split(np.arange(len(i)), max(1, -(-len(i) // 256))):
-        crosses[i[part]] |= crossing(centre[i[part]], centre[other[i[part], x[part]]], CROSSING)
-    road_type = np.where(crosses, int(RoadType.JUNCTION), np.asarray(graph.road_type))
-    return graph.replace(road_type=jnp.asarray(road_type, jnp.int32))

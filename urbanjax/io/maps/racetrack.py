@@ -37,7 +37,7 @@ SPEED = 40.0  # m/s: a racetrack has no limit of its own
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
-class Track:
+class Racetrack:
     """A racetrack as a file states it; n different points in driving direction."""
 
     position: np.ndarray  # [n, 2] m, reference line
@@ -56,7 +56,7 @@ def read(path: str | Path) -> RoadMap:
     return road_map(Path(path), parse(Path(path)))
 
 
-def road_map(path: Path, track: Track) -> RoadMap:
+def road_map(path: Path, track: Racetrack) -> RoadMap:
     """The road graph of a track (see `read`). Args: path, named in errors."""
     left, right = borders(path, track)
     breaks = _breaks(0.5 * (left + right))
@@ -78,7 +78,7 @@ def road_map(path: Path, track: Track) -> RoadMap:
     return lanes.assemble(path, "racetrack", parts)
 
 
-def parse(path: Path) -> Track:
+def parse(path: Path) -> Racetrack:
     """The rows of the file, checked. Comma or semicolon separated; comments begin with # and may name the columns."""
     data = content(path)
     if len(data) > LARGEST_FILE:
@@ -113,7 +113,7 @@ def parse(path: Path) -> Track:
     if len(values) < 4:
         raise MapError(f"{path}: line {line[-1]}: {len(values)} different points, a track has 4 or more")
     closed = gap < max(CLOSING, 3 * float(np.median(step)))
-    return Track(values[:, :2], values[:, 2], values[:, 3], line, closed)
+    return Racetrack(values[:, :2], values[:, 2], values[:, 3], line, closed)
 
 
 def _columns(path: Path, comments: list[str], first: tuple[int, str], separator: str) -> tuple[dict[str, int], int]:
@@ -165,7 +165,7 @@ def _numbers(path: Path, line: int, cells: list[str], place: dict[str, int], siz
     return out
 
 
-def borders(path: Path, track: Track) -> tuple[np.ndarray, np.ndarray]:
+def borders(path: Path, track: Racetrack) -> tuple[np.ndarray, np.ndarray]:
     """Left and right border [m, 2], at the same places about 1 m apart; on a circuit the last is the first.
 
     Raises MapError where the line is longer than a track can be or turns on the spot.

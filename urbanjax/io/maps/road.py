@@ -7,7 +7,7 @@ from typing import Any, no_type_check
 
 import numpy as np
 
-from urbanjax.io.maps.recording import PlanningProblem
+from urbanjax.evaluation.recorded.planning_problem import PlanningProblem
 from urbanjax.io.maps.xml import MapError
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
 
@@ -40,7 +40,7 @@ class MapLane:
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
-class Fault:
+class MapFault:
     """Something in a map that was left out or looks wrong."""
 
     kind: str
@@ -58,7 +58,7 @@ class RoadMap:
     format: str
     path: Path
     lanes: tuple[MapLane, ...]  # as stated, with those that became no link
-    faults: tuple[Fault, ...] = ()  # what was left out on the way to the graph
+    faults: tuple[MapFault, ...] = ()  # what was left out on the way to the graph
     signal_ids: tuple[Any, ...] = ()  # signal of each of the graph's signal numbers
     cycles: tuple[Any, ...] = ()  # `SignalCycle` of each signal, None where the map has none
     recording: Any = None  # a `Recording`, None where the map carries no traffic

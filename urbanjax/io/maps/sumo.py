@@ -8,7 +8,7 @@ import numpy as np
 
 from urbanjax.io.maps.centre import borders
 from urbanjax.io.maps.lanes import assemble
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap, SignalCycle
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
 from urbanjax.io.maps.xml import Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
@@ -87,7 +87,7 @@ def _road(edge: Element) -> bool:
     return edge.get("function", "normal") in ("normal", "internal")
 
 
-def _connections(xml: Xml, names: dict[tuple[str, int], str]) -> tuple[list[Connection], list[Fault]]:
+def _connections(xml: Xml, names: dict[tuple[str, int], str]) -> tuple[list[Connection], list[MapFault]]:
     """All connections whose lanes exist, and what is said of the others."""
     known, out, faults = set(names.values()), [], []
     for element in xml.root.findall("connection"):
@@ -100,7 +100,7 @@ def _connections(xml: Xml, names: dict[tuple[str, int], str]) -> tuple[list[Conn
         absent += [via] if via is not None and via not in known else []
         if absent:
             at = f"{ends[0][0]}_{ends[0][1]}"
-            faults.append(Fault("dangling link", at, f"the lane {absent[0]!r} of a connection is missing"))
+            faults.append(MapFault("dangling link", at, f"the lane {absent[0]!r} of a connection is missing"))
             continue
         signal = None if tl is None else (tl, xml.integer(element, xml.attribute(element, "linkIndex"), "linkIndex"))
         turn = TURNS.get(element.get("dir", "s"), Turn.STRAIGHT)

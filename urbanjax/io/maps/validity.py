@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from urbanjax.io.maps.centre import stations
-from urbanjax.io.maps.road import Fault, MapLane, RoadMap
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.roadmap.builders.relations import crossing, project
 
 EDGE = 20.0  # m from the hull of a map, or a twentieth of its size: where lanes may begin and end
@@ -23,7 +23,7 @@ class Validity:
 
     counts: dict[str, int]  # what the map and its graph hold
     length: float  # m, of all links
-    faults: tuple[Fault, ...]
+    faults: tuple[MapFault, ...]
 
     def text(self) -> str:
         """The report for a reader: counts, then each kind of fault with its first cases."""
@@ -60,7 +60,7 @@ def report(found: RoadMap) -> Validity:
     return Validity(counts, float(np.sum(np.asarray(graph.length, float))), tuple(faults))
 
 
-def _one_sided(found: RoadMap) -> list[Fault]:
+def _one_sided(found: RoadMap) -> list[MapFault]:
     """Links that only one of their two lanes states, in formats where both do."""
     lanes, out = {lane.id: lane for lane in found.lanes}, []
     for lane in found.lanes:
@@ -68,18 +68,18 @@ def _one_sided(found: RoadMap) -> list[Fault]:
             continue
         for other in lane.successors:
             if other in lanes and lane.id not in (lanes[other].predecessors or ()):
-                out.append(Fault("one-sided link", lane.id, f"its successor {other!r} has it as no predecessor"))
+                out.append(MapFault("one-sided link", lane.id, f"its successor {other!r} has it as no predecessor"))
         for other in lane.predecessors:
             if other in lanes and lane.id not in lanes[other].successors:
-                out.append(Fault("one-sided link", lane.id, f"its predecessor {other!r} has it as no successor"))
+                out.append(MapFault("one-sided link", lane.id, f"its predecessor {other!r} has it as no successor"))
         for side, back in (("left", "right"), ("right", "left")):
             other = getattr(lane, f"{side}_id")
             if other in lanes and getattr(lanes[other], f"{back}_id") != lane.id:
-                out.append(Fault("one-sided link", lane.id, f"its {side} neighbour {other!r} does not name it"))
+                out.append(MapFault("one-sided link", lane.id, f"its {side} neighbour {other!r} does not name it"))
     return out
 
 
-def _dead(found: RoadMap) -> list[Fault]:
+def _dead(found: RoadMap) -> list[MapFault]:
     """Lanes that end or begin inside the map, without a neighbour that goes on."""
     graph = found.graph
     centre = np.asarray(graph.centre, float)
@@ -99,11 +99,11 @@ def _dead(found: RoadMap) -> list[Fault]:
         beside = [np.asarray(getattr(graph, f"has_{side}")) for side in ("left", "right")]
         goes_on = np.logical_or(beside[0] & has[graph.left_link], beside[1] & has[graph.right_link])
         for i in np.flatnonzero(inside[:, k] & ~has & ~goes_on):
-            out.append(Fault(kind, found.ids[i], f"{what}, though inside the map"))
+            out.append(MapFault(kind, found.ids[i], f"{what}, though inside the map"))
     return out
 
 
-def _borders(found: RoadMap) -> list[Fault]:
+def _borders(found: RoadMap) -> list[MapFault]:
     """Lanes whose borders cross themselves or each other, or lie on the wrong sides."""
     out = []
     for lane in found.lanes:
@@ -112,11 +112,11 @@ def _borders(found: RoadMap) -> list[Fault]:
             left = right = _thinned(0.5 * (lane.left + lane.right))
         if crossing(left[None], left[None])[0] or crossing(right[None], right[None])[0]:
             what = "a border" if lane.drawn else "its centre line"
-            out.append(Fault("self-overlap", lane.id, f"{what} crosses itself"))
+            out.append(MapFault("self-overlap", lane.id, f"{what} crosses itself"))
         elif crossing(left[None], right[None])[0]:
-            out.append(Fault("self-overlap", lane.id, "its borders cross each other"))
+            out.append(MapFault("self-overlap", lane.id, "its borders cross each other"))
         elif _swapped(lane):
-            out.append(Fault("swapped borders", lane.id, "its left border lies on the right"))
+            out.append(MapFault("swapped borders", lane.id, "its left border lies on the right"))
     return out
 
 
@@ -132,7 +132,7 @@ def _swapped(lane: MapLane) -> bool:
     return bool(stations(lane.right)[-1] > 0 and project(middle, _thinned(lane.right))[2].mean() < -1e-6)
 
 
-def _twice(found: RoadMap) -> list[Fault]:
+def _twice(found: RoadMap) -> list[MapFault]:
     """Links whose centre lines are the same."""
     centre = np.asarray(found.graph.centre)
     last = centre.shape[1] - 1
@@ -141,5 +141,5 @@ def _twice(found: RoadMap) -> list[Fault]:
     for i, row in enumerate(np.round(centre[:, [0, last // 2, last]], 2)):
         first = seen.setdefault(row.tobytes(), i)
         if first != i:
-            out.append(Fault("twice", found.ids[i], f"lies on lane {found.ids[first]!r}"))
+            out.append(MapFault("twice", found.ids[i], f"lies on lane {found.ids[first]!r}"))
     return out

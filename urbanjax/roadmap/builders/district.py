@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.corridor import corridor, evenly
 from urbanjax.roadmap.builders.curves import Line, Piece, trace, turn
 from urbanjax.roadmap.builders.junctions import join
 from urbanjax.roadmap.builders.lanes import assemble
+from urbanjax.roadmap.builders.sections import corridor, evenly
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Turn
 

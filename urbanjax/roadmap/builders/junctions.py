@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.corridor import check_sizes, corridor
 from urbanjax.roadmap.builders.curves import connect, trace
 from urbanjax.roadmap.builders.lanes import assemble
+from urbanjax.roadmap.builders.sections import check_sizes, corridor
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
 from urbanjax.types import RoadError

@@ -7,13 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from urbanjax.roadmap.builders.relations import conflicts, meetings, neighbour_stations, opposites, pieces
+from urbanjax.roadmap.builders.relations import conflicts, crossing, meetings, neighbour_stations, opposites, pieces
 from urbanjax.roadmap.builders.specs import LaneSpec, check, resample
-from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.roadmap.padding import pad
 from urbanjax.types import RoadError
 
 FAR = 20_000.0  # m from the origin beyond which float32 coordinates lose more than a millimetre
+CROSSING = np.radians(15.0)  # angle from which lanes cross rather than part
+AT_ONCE = 256  # pairs of lanes, held against each other point by point
 
 
 def assemble(
@@ -68,7 +70,7 @@ def assemble(
         length=_floats(length),
         speed_limit=_floats([spec.speed_limit for spec in specs]),
         turn=_integers([int(spec.turn) for spec in specs]),
-        road_type=_integers([int(spec.road_type) for spec in specs]),
+        road_type=_integers(_road_types(specs, centre - at, conflict)),
         rule=_integers([int(spec.rule) for spec in specs]),
         valid=jnp.asarray(np.ones(len(specs), bool)),
         successor=successor,
@@ -159,6 +161,16 @@ def _related(
     related |= {(i, j) for following in successors for i in following for j in following}
     related |= {(i, int(j)) for side in neighbour.values() for i, j in enumerate(side) if j >= 0}
     return related | {(i, j) for i, row in enumerate(opposite) for j, _ in row}
+
+
+def _road_types(specs: Sequence[LaneSpec], centre: np.ndarray, conflict: list[list[int]]) -> list[int]:
+    """The road type of each link; where a lane states none, that of a junction if it crosses another lane."""
+    pairs = [(i, j) for i, row in enumerate(conflict) if specs[i].road_type is None for j in row]
+    crosses = np.zeros(len(specs), bool)
+    for part in np.array_split(np.array(pairs, int).reshape(-1, 2), max(1, -(-len(pairs) // AT_ONCE))):
+        crosses[part[:, 0]] |= crossing(centre[part[:, 0]], centre[part[:, 1]], CROSSING)
+    assumed = np.where(crosses, RoadType.JUNCTION, RoadType.URBAN)
+    return [int(assumed[i] if spec.road_type is None else spec.road_type) for i, spec in enumerate(specs)]
 
 
 def _signals(specs: Sequence[LaneSpec], length: np.ndarray) -> list[list[tuple[int, float]]]:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.corridor import check_sizes, corridor, evenly
 from urbanjax.roadmap.builders.curves import Line, connect, trace, turn
 from urbanjax.roadmap.builders.lanes import assemble
+from urbanjax.roadmap.builders.sections import check_sizes, corridor, evenly
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import RoadError

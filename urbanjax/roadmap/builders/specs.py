@@ -23,7 +23,7 @@ class LaneSpec:
     borders: tuple[np.ndarray, np.ndarray] | None = None  # left [m, 2] and right [k, 2] border, m
     speed_limit: float = 50 / 3.6  # m/s
     turn: Turn = Turn.STRAIGHT
-    road_type: RoadType = RoadType.URBAN
+    road_type: RoadType | None = RoadType.URBAN  # None: of a junction where the lane crosses another, urban elsewhere
     rule: Rule = Rule.NONE
     signals: tuple[tuple[int, float | None], ...] = ()  # signal id, station of its stop line (None: the lane's end)
     area: str = ""

@@ -9,7 +9,7 @@ from urbanjax.roadmap.builders import district
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.agents import Traffic
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios.scenario import Scenario, traffic
 from urbanjax.sim.signals import alternating
 from urbanjax.sim.world import SimParams, WorldState
@@ -36,7 +36,7 @@ def road(params: CirculateParams) -> RoadGraph:
     return district()
 
 
-def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: Lanes) -> Scenario:
+def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: LaneTables) -> Scenario:
     """A start: `n_vehicles` on random free places of the network, which change lanes and take the first successor.
 
     No vehicle starts inside a junction, or within one spacing of the ego.
@@ -60,7 +60,9 @@ def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: Lanes) ->
     return Scenario(state, link, lanes.graph.predecessor[link, 0].astype(jnp.int32), jnp.asarray(True))
 
 
-def scatter(key: Array, lanes: Lanes, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]) -> Traffic:
+def scatter(
+    key: Array, lanes: LaneTables, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]
+) -> Traffic:
     """Vehicles at distinct random places, which are `spacing` apart along each link."""
     graph = lanes.graph
     station = (0.5 + jnp.arange(params.n_places, dtype=graph.length.dtype)) * params.spacing

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from urbanjax.roadmap.course import Course
-from urbanjax.roadmap.extended import sample, to_world
+from urbanjax.roadmap.corridor import Corridor, sample, to_world
 from urbanjax.types import Objects, Odometry, VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -42,18 +41,17 @@ class Tour:
     vehicles: Objects  # [T, O]
 
 
-def drive(key: Array, course: Course, params: TourParams, vehicle: VehicleParams | None = None) -> Tour:
-    """The drive over the whole course, as fast as speed limit and curves allow; on the host.
+def drive(key: Array, corridor: Corridor, params: TourParams, vehicle: VehicleParams | None = None) -> Tour:
+    """The drive along a whole route, as fast as speed limit and curves allow; on the host.
 
     Vehicles drive on the lanes beside the ego's, at speeds of their own; one that is left behind comes up again in
     front, so that there are always as many. On the ego's lane there is nobody.
     """
     vehicle = VehicleParams() if vehicle is None else vehicle
-    extended = course.extended
     station, speed, time = _profile(
-        np.asarray(extended.station), np.asarray(extended.curvature), float(extended.length), params
+        np.asarray(corridor.station), np.asarray(corridor.curvature), float(corridor.length), params
     )
-    position, heading, curvature = to_world(extended, jnp.asarray(station), jnp.full(len(station), params.offset))
+    position, heading, curvature = to_world(corridor, jnp.asarray(station), jnp.full(len(station), params.offset))
     keys = jax.random.split(key, 4)
     acceleration = jnp.asarray(np.gradient(speed, time), position.dtype)
     speed = jnp.asarray(speed, position.dtype)
@@ -67,7 +65,7 @@ def drive(key: Array, course: Course, params: TourParams, vehicle: VehicleParams
         ego=VehicleState(position, heading, speed, acceleration, steering),
         yaw_rate=yaw_rate,
         odometry=Odometry(jnp.maximum(noisy, 0), acceleration, steering, turning),
-        vehicles=_traffic(keys[2], course, jnp.asarray(station), jnp.asarray(time), params),
+        vehicles=_traffic(keys[2], corridor, jnp.asarray(station), jnp.asarray(time), params),
     )
 
 
@@ -90,20 +88,20 @@ def _profile(
     return np.interp(time, passed, station), np.interp(time, passed, speed), time
 
 
-def _traffic(key: Array, course: Course, station: Array, time: Array, params: TourParams) -> Objects:
+def _traffic(key: Array, corridor: Corridor, station: Array, time: Array, params: TourParams) -> Objects:
     """Boxes [T, O] on the lanes beside the route's."""
-    extended, n = course.extended, params.vehicles
+    n = params.vehicles
     keys = jax.random.split(key, 4)
     low, high = params.traffic_speed
     speed = jax.random.uniform(keys[0], (n,), minval=low, maxval=high)
     phase = jax.random.uniform(keys[1], (n,), maxval=2 * params.traffic_reach)
-    lane = jax.random.randint(keys[2], (n,), 0, extended.lane_offset.shape[1] - 1)
-    lane = jnp.where(lane >= extended.route_lane, lane + 1, lane)
+    lane = jax.random.randint(keys[2], (n,), 0, corridor.lane_offset.shape[1] - 1)
+    lane = jnp.where(lane >= corridor.route_lane, lane + 1, lane)
     ahead = phase[None, :] + speed[None, :] * time[:, None] - station[:, None]
     there = station[:, None] + jnp.mod(ahead, 2 * params.traffic_reach) - params.traffic_reach
 
     def place(where: Array) -> tuple[Array, Array, Array]:
-        at = sample(extended, where)
+        at = sample(corridor, where)
         offset = jnp.take_along_axis(at.lane_offset, lane[:, None], axis=1)[:, 0]
         oncoming = jnp.take_along_axis(at.oncoming, lane[:, None], axis=1)[:, 0]
         valid = jnp.take_along_axis(at.has_lane, lane[:, None], axis=1)[:, 0] & ~oncoming

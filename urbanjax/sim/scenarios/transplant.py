@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float, Int
 
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.lanes import Lanes
+from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios.overtake import RIGHT
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.signals import alternating
@@ -15,7 +15,7 @@ CROSSED = 4  # links that a vehicle may be ahead of the ego
 
 
 def transplant(
-    start: Scenario, lanes: Lanes, link: Int[Array, ""], shift: float | Array, cycle: float = 60.0
+    start: Scenario, lanes: LaneTables, link: Int[Array, ""], shift: float | Array, cycle: float = 60.0
 ) -> Scenario:
     """An overtaking start (`overtake.sample`) with its right lane on `link` and its left lane on that one's left.
 
@@ -40,7 +40,7 @@ def transplant(
     return Scenario(world, link.astype(jnp.int32), goal, start.crowded)
 
 
-def _onwards(lanes: Lanes, link: Int[Array, " v"], station: Float[Array, " v"]) -> tuple[Array, Array]:
+def _onwards(lanes: LaneTables, link: Int[Array, " v"], station: Float[Array, " v"]) -> tuple[Array, Array]:
     """Link and station of vehicles that follow their lane beyond its end."""
     for _ in range(CROSSED):
         length = lanes.graph.length[link]

@@ -35,7 +35,7 @@ class Series:
 
 
 @pytree
-class Pairs:
+class PairMeasures:
     """Each ordered pair of vehicles; the diagonal is inf, and 0 for the time."""
 
     box_ttc: Array  # [V, V] s, least over time; symmetric
@@ -64,7 +64,7 @@ class Safety:
     """All measures of T samples of V vehicles."""
 
     series: Series
-    pairs: Pairs
+    pairs: PairMeasures
     summary: Summary
 
 
@@ -88,7 +88,7 @@ def measure(tracks: Objects, dt: float | Array, params: SafetyParams, leaders: L
 
     nothing = jnp.full((n, n), jnp.inf, tracks.speed.dtype), jnp.zeros((n, n), jnp.int32)
     (ttc, dangerous), series = jax.lax.scan(sample, nothing, (tracks, leaders))
-    pairs = Pairs(ttc, encroachments(tracks, dt, params.pet_window), dangerous * jnp.asarray(dt, ttc.dtype))
+    pairs = PairMeasures(ttc, encroachments(tracks, dt, params.pet_window), dangerous * jnp.asarray(dt, ttc.dtype))
     return Safety(series, pairs, _summary(series, pairs, tracks.valid, dt, params))
 
 
@@ -106,7 +106,7 @@ def _sample(objects: Objects, leaders: Leaders | None, params: SafetyParams) -> 
     return ttc, margin < 0, series
 
 
-def _summary(series: Series, pairs: Pairs, valid: Array, dt: float | Array, params: SafetyParams) -> Summary:
+def _summary(series: Series, pairs: PairMeasures, valid: Array, dt: float | Array, params: SafetyParams) -> Summary:
     def exposure(ttc: Array) -> tuple[Array, Array]:
         given = ttc.T, valid.T, dt, params.ttc_threshold
         return time_exposed(*given, Relaxation()), time_integrated(*given)

@@ -1,0 +1,1 @@
+"""Speed of stack and simulator on this machine."""

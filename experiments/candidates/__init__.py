@@ -1,0 +1,1 @@
+"""Candidate trajectories beside Frenetix, agreement first and then time."""

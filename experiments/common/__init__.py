@@ -1,0 +1,1 @@
+"""What several experiments share: a world to localize in, the rollouts of Fig. 10, clocks."""

@@ -1,0 +1,137 @@
+"""The stated world: a furnished district, a point-cloud map of it from a drive of its own, and a drive to localize."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.course import Course, course_between
+from urbanjax.io.clouds import pointmap
+from urbanjax.localization import lidar, mapping
+from urbanjax.localization.lidar import LidarLocalizerParams
+from urbanjax.registration import MapParams, PointCloud, PreprocessParams
+from urbanjax.registration.downsample import DownsampleParams, downsample
+from urbanjax.roadmap.builders import district
+from urbanjax.sim.lidar import LidarParams, sweep
+from urbanjax.sim.scenarios import tour
+from urbanjax.sim.scenarios.tour import Tour, TourParams
+from urbanjax.sim.scenery.scenery import Scenery, furnish
+from urbanjax.types import ConfigError, Observation, Odometry, Scan, as_arrays, field, pytree, static
+
+FIRST = 1  # the link on which the drives begin
+LEAST = 10  # scans of a drive
+
+
+@pytree
+class MappingParams:
+    """The drive that makes the map: off the lane's centre, nobody around, small errors of its poses."""
+
+    drive: TourParams = TourParams(speed=10.0, offset=0.7)
+    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))
+    distributions: MapParams = MapParams()
+    spacing: float = 4.0  # m between two scans
+    resolution: float = 0.5  # m, of the point-cloud map
+    position_noise: float = 0.01  # m, standard deviation of its poses
+    heading_noise: float = 2e-4  # rad, likewise
+    reach: float = 70.0  # m, of the points that are mapped
+
+
+@dataclasses.dataclass(frozen=True)
+class World:
+    """What the localizer is given, and the truth that it does not know."""
+
+    course: Course  # with the map
+    surroundings: Scenery
+    points: mapping.PointMap
+    tour: Tour
+
+
+@pytree
+class WorldParams:
+    """The district and both drives."""
+
+    drive: TourParams = TourParams()
+    sensor: LidarParams = LidarParams()
+    mapping: MappingParams = MappingParams()
+    # m of the course that are mapped and driven, 0 for all of it
+    stretch: float = field(default=0.0, metadata={"range": (0.0, 1e5)})
+    seed: int = static(default=0)
+
+
+def build(
+    params: WorldParams, localizer: LidarLocalizerParams, tick: Callable[[str], None], file: str | Path = ""
+) -> World:
+    """The world of a seed. Args: file, a map made before; without one the district is mapped, a minute on two cores."""
+    graph = district()
+    last = int(graph.predecessor[FIRST, 0])
+    course = course_between(graph, FIRST, last)
+    surroundings = jax.tree.map(jnp.asarray, furnish(graph, params.seed))
+    key = jax.random.key(params.seed)
+    if file:
+        points = pointmap.load(file)
+    else:
+        tick("mapping the district")
+        length = params.stretch + params.mapping.reach if params.stretch else math.inf
+        first = jax.random.fold_in(key, 1)
+        scans = survey(first, params.mapping, params.sensor, localizer, course, surroundings, float(length))
+        points = mapping.build(((cloud, pose) for cloud, _, pose in scans), float(params.mapping.resolution))
+    world = mapping.distributions(points, params.mapping.distributions)
+    truth = tour.drive(jax.random.fold_in(key, 2), course.corridor, params.drive)
+    if params.stretch:
+        steps = int(np.searchsorted(np.asarray(truth.station), float(params.stretch)))
+        if steps < LEAST:
+            raise ConfigError(f"'world.stretch' of {float(params.stretch):g} m holds {steps} scans; {LEAST} are needed")
+        truth = jax.tree.map(lambda x: x[:steps], truth)
+    return World(course.replace(map=world), surroundings, points, truth)
+
+
+def survey(
+    key: jax.Array,
+    how: MappingParams,
+    sensor: LidarParams,
+    localizer: LidarLocalizerParams,
+    course: Course,
+    surroundings: Scenery,
+    length: float = math.inf,
+    fine: DownsampleParams | None = None,
+) -> Iterator[tuple[PointCloud, np.ndarray, np.ndarray]]:
+    """Of each scan of the mapping drive: its cloud, points [N, 3] thinned as `fine` says, and the pose to map it at.
+
+    Args: length [m], of the course that is surveyed.
+    """
+    drive = tour.drive(key, course.corridor, how.drive)
+    station = np.asarray(drive.station)
+    every = np.unique(np.searchsorted(station, np.arange(0, min(length, float(station[-1])), float(how.spacing))))
+    rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
+    fine = DownsampleParams(capacity=8) if fine is None else fine
+    clear = mounted(localizer, sensor).replace(preprocess=how.preprocess, sensing_radius=how.reach)
+    args = as_arrays((sensor, clear, fine))
+
+    @jax.jit
+    def look(k: jax.Array, sensor: LidarParams, clear: LidarLocalizerParams, fine: DownsampleParams) -> tuple:
+        ego, yaw_rate = jax.tree.map(lambda x: x[k], (drive.ego, drive.yaw_rate))
+        scan = sweep(sensor, surroundings, None, ego, yaw_rate, jax.random.fold_in(key, k))
+        seen = observation(scan, Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate))
+        thinned, _ = downsample(*lidar.points_of(clear, seen), fine)
+        return lidar.cloud_of(clear, seen)[0], thinned.position.T, thinned.valid
+
+    for k in every:
+        x, y = np.asarray(drive.ego.position[k], float) + float(how.position_noise) * rng.normal(size=2)
+        heading = float(drive.ego.heading[k]) + float(how.heading_noise) * rng.normal()
+        cloud, points, valid = jax.device_get(look(jnp.asarray(k), *args))
+        yield cloud, points[valid], mapping.matrix(x, y, heading)
+
+
+def observation(scan: Scan, odometry: Odometry) -> Observation:
+    """What a localizer looks at, without the rest."""
+    nothing: dict = {"objects": None, "signals": None}
+    return Observation(odometry=odometry, scan=scan, **nothing)
+
+
+def mounted(localizer: LidarLocalizerParams, sensor: LidarParams) -> LidarLocalizerParams:
+    """The localizer for a sensor, knowing where on the vehicle that is."""
+    return localizer.replace(mount=(sensor.x, sensor.y, sensor.z - lidar.AXLE_HEIGHT, sensor.yaw))

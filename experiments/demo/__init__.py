@@ -1,0 +1,1 @@
+"""Both studies at a size for a first look, in one self-contained report."""

@@ -1,0 +1,1 @@
+"""Closed loop in highway-env, beside highway-env's own IDM vehicle."""

@@ -1,0 +1,1 @@
+"""A picture of any map and what looks wrong in it."""

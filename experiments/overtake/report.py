@@ -1,0 +1,44 @@
+"""The paper's Fig. 10, overtaking at five values of tau over paired starts."""
+
+from experiments.common import overtaking
+from experiments.common.overtaking import OvertakeStudy
+from experiments.overtake import figures, study
+from urbanjax.io.figures import animation
+from urbanjax.io.runs import progress, report
+from urbanjax.io.runs.directory import Run
+
+CAPTION = (
+    "Means and counts over the paired starts; TTC is the least time to collision of the boxes at constant velocity. "
+    "The clamp limits the reference speed by a least time to collision; it is not in the paper."
+)
+
+
+def section(params: OvertakeStudy, run: Run) -> report.Section:
+    """Drive, write tables, figures and the GIF into the run; returns what the report shows of it."""
+    with progress.bar("overtaking") as tick:
+        found, times = overtaking.drive(params, tick)
+    run.table("overtake", study.table(found))
+    run.table("overtake_starts", study.starts(found))
+    run.summary({**study.summary(found), **times})
+    table = report.Table(CAPTION, study.by_tau(study.table(found)))
+    progress.show_table("overtaking", table.columns)
+    start = figures.exemplar(found)
+    figures.draw_fig10(found, run.path("fig10.png"), start)
+    figures.draw_means(found, run.path("overtake_means.png"))
+    items = [
+        report.Picture(f"Fig. 10 for start {start}, whose target lane is free.", run.path("fig10.png")),
+        table,
+        report.Picture("Over all paired starts.", run.path("overtake_means.png")),
+    ]
+    if params.gif_every:
+        graph = overtaking.scene(params)[0].graph
+        frames = figures.pictures(found, graph, start, params.gif_every)
+        animation.write_gif(run.path("overtake.gif"), frames, 1.0 / (params.gif_every * params.period))
+        items.append(report.Picture("The same start at every tau, in real time.", run.path("overtake.gif")))
+    return report.Section("Overtaking: aggressiveness against progress", [], items)
+
+
+def write(params: OvertakeStudy, run: Run) -> None:
+    """Run the study and write its report."""
+    shown = section(params, run)
+    report.write_report(run.path("report.html"), "Overtaking at five values of tau", [shown], run.manifest("complete"))

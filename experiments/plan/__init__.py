@@ -1,0 +1,1 @@
+"""One plan of one moment, drawn and explained."""

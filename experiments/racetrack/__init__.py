@@ -1,0 +1,1 @@
+"""The lattice of a racetrack and the cheapest lap through it."""

@@ -1,0 +1,1 @@
+"""Closed loop in the place of every recorded driver."""

@@ -1,0 +1,60 @@
+"""Which recordings are driven in, and how."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from urbanjax.evaluation.recorded.drive import Drive, drive
+from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare, problems
+from urbanjax.io import maps
+from urbanjax.io.files import data_folder
+from urbanjax.roadmap.corridor import CorridorParams
+from urbanjax.rollout import LoopParams
+from urbanjax.sim.world import SimParams
+from urbanjax.stack import StackParams
+from urbanjax.types import ConfigError, field, pytree, static
+
+EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
+NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
+
+
+@pytree
+class RecordedStudy:
+    """The stack in the place of every recorded driver of some CommonRoad files."""
+
+    stack: StackParams = StackParams()
+    sim: SimParams = SimParams()
+    corridor: CorridorParams = CorridorParams()
+    period: float = 0.1  # s, of one stack step
+    shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
+    folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
+    egos: str = static(default="vehicles", metadata={"choices": EGOS})
+    files: tuple[str, ...] = static(default=NGSIM)  # names without .xml
+
+
+def paths(study: RecordedStudy) -> list[Path]:
+    """The files. Raises ConfigError, naming the first one that is missing."""
+    folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded")
+    found = [folder / f"{name}.xml" for name in study.files]
+    for path in found:
+        if not path.is_file():
+            raise ConfigError(f"there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")
+    if not found:
+        raise ConfigError("'files' names no recording")
+    return found
+
+
+def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tuple[RecordedScene, list[Drive]]:
+    """One recording and all drives in it."""
+    tick(f"{path.stem}: map and routes")
+    road = maps.read(path)
+    if road.recording is None:
+        raise ConfigError(f"{path} holds no recorded traffic: choose other 'files'")
+    if abs(road.recording.dt - float(study.period)) > 1e-6:
+        raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
+    vehicle = study.stack.vehicle
+    if study.egos == "problems":
+        scene = problems(path.stem, road.graph, road.recording, road.problems, study.corridor, vehicle)
+    else:
+        scene = prepare(path.stem, road.graph, road.recording, study.corridor, float(study.shortest), vehicle)
+    tick(f"{path.stem}: {len(scene.starts)} drives")
+    return scene, drive(LoopParams(study.stack, study.sim, study.period), scene)

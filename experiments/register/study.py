@@ -1,0 +1,24 @@
+"""Parameters of the study of registration."""
+
+from experiments.register.calibration import CalibrationParams
+from experiments.register.factorial import FactorialParams
+from experiments.register.pair import PairParams
+from experiments.register.rows import RowsParams
+from experiments.register.stretch import StretchParams
+from urbanjax.localization.lidar import LidarLocalizerParams
+from urbanjax.types import pytree, static
+
+
+@pytree
+class RegisterStudy:
+    """The world, what is registered on it, and what counts as success."""
+
+    world: StretchParams = StretchParams()
+    localizer: LidarLocalizerParams = LidarLocalizerParams()  # how scans are prepared, and what Table I leaves open
+    rows: RowsParams = RowsParams()
+    factorial: FactorialParams = FactorialParams()
+    calibration: CalibrationParams = CalibrationParams()
+    pair: PairParams = PairParams()
+    lost: float = 0.5  # m, planar error above which a pose is wrong
+    neighbours: int = static(default=7, metadata={"choices": (1, 7, 27)})  # voxels that a point may belong to
+    seed: int = static(default=0)

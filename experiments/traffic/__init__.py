@@ -1,0 +1,1 @@
+"""Traffic analysis of logs, as in Tables III to VII."""

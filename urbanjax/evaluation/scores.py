@@ -1,0 +1,75 @@
+"""One smooth number for a whole run: what tuning climbs and gradient tests differentiate."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float
+
+from urbanjax.evaluation.metrics import clearance, jerk, lateral_acceleration, progress
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.sim.log import Log
+from urbanjax.types import pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+@pytree
+class ScoreParams:
+    """Weights, and the values at which each term counts 1."""
+
+    progress: float = 1.0  # weight of the mean speed along the road
+    clearance: float = 2.0  # weight of the barrier around other vehicles
+    road: float = 2.0  # weight of the barrier at the edge of the road
+    acceleration: float = 0.1  # weight
+    lateral: float = 0.1  # weight of the lateral acceleration
+    jerk: float = 0.02  # weight
+    lane: float = 0.05  # weight of the distance from the lane's centre
+    speed_scale: float = 10.0  # m/s
+    clearance_scale: float = 1.5  # m, below which the barrier rises
+    road_scale: float = 0.3  # m, likewise
+    acceleration_scale: float = 2.0  # m/s^2, for both directions
+    jerk_scale: float = 4.0  # m/s^3
+    lane_scale: float = 0.5  # m
+
+
+@pytree
+class Score:
+    """The terms of the score, each a mean over the run, and their weighted sum; more is better."""
+
+    total: Array  # []
+    progress: Array  # []
+    clearance: Array  # []
+    road: Array  # []
+    acceleration: Array  # []
+    lateral: Array  # []
+    jerk: Array  # []
+    lane: Array  # []
+
+
+def score(log: Log, vehicle: VehicleParams, params: ScoreParams, relaxation: Relaxation) -> Float[Array, ""]:
+    """The score of one run, smooth in mode soft."""
+    return terms(log, vehicle, params, relaxation).total
+
+
+def terms(log: Log, vehicle: VehicleParams, params: ScoreParams, relaxation: Relaxation) -> Score:
+    """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers."""
+    duration = jnp.maximum(log.time[-1] - log.time[0], 1e-3)
+    near = _barrier(clearance(log, vehicle, relaxation), params.clearance_scale)
+    edge = _barrier(log.road_margin, params.road_scale)
+    values = {
+        "progress": progress(log)[-1] / duration / params.speed_scale,
+        "clearance": -near,
+        "road": -edge,
+        "acceleration": -_square(log.ego.acceleration, params.acceleration_scale),
+        "lateral": -_square(lateral_acceleration(log, vehicle), params.acceleration_scale),
+        "jerk": -_square(jerk(log), params.jerk_scale),
+        "lane": -_square(log.offset, params.lane_scale),
+    }
+    weighted = {name: getattr(params, name) * value for name, value in values.items()}
+    return Score(total=sum(weighted.values(), jnp.zeros_like(duration)), **weighted)
+
+
+def _barrier(margin: Array, scale: float | Array) -> Array:
+    return jnp.mean(jnp.maximum(1 - margin / scale, 0.0) ** 2)
+
+
+def _square(values: Array, scale: float | Array) -> Array:
+    return jnp.mean((values / scale) ** 2)

@@ -1,0 +1,1 @@
+"""Other programs, driven or used from here."""

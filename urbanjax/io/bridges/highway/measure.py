@@ -1,0 +1,53 @@
+"""What is measured of a drive in highway-env, with the metrics of our own simulator."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.evaluation import metrics
+from urbanjax.io.bridges.highway.episode import Episode
+from urbanjax.sim.log import Log
+from urbanjax.types import Objects, VehicleState
+from urbanjax.vehicle.params import VehicleParams
+
+BOX = VehicleParams(length=5.0, width=2.0)  # highway-env's vehicles
+
+
+def time_to_collision(episode: Episode, steps: int | None = None) -> np.ndarray:
+    """[N] s until boxes meet if all keep their velocity, per sample of the drive; inf where they never would.
+
+    Args: steps, samples to pad to, so that drives of different lengths share one compiled program.
+    """
+    count = len(episode.time)
+    if episode.others.shape[1] == 0:
+        return np.full(count, np.inf)
+    found = np.asarray(_box_ttc(_log(episode, count if steps is None else max(steps, count))))[:count]
+    return np.where(found < metrics.FAR, found, np.inf)
+
+
+@jax.jit
+def _box_ttc(log: Log) -> jax.Array:
+    return metrics.box_ttc(log, BOX)
+
+
+def _log(episode: Episode, steps: int) -> Log:
+    """The drive as far as the time to collision looks at it, its last sample repeated up to `steps`."""
+
+    def padded(values: np.ndarray) -> jax.Array:
+        return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], steps - len(values), axis=0)]), dtype)
+
+    dtype = jnp.zeros(()).dtype
+    others = padded(episode.others)
+    heading, speed = padded(episode.heading), padded(episode.speed)
+    ego = VehicleState(position=None, heading=heading, speed=speed, acceleration=None, steering=None)
+    traffic = Objects(others[..., :2], *(others[..., i] for i in range(2, 6)), valid=jnp.ones(others.shape[:2], bool))
+    return Log(
+        time=padded(episode.time),
+        ego=ego,
+        command=None,
+        centre=padded(episode.position),
+        along=None,
+        offset=None,
+        road_margin=None,
+        traffic=traffic,
+    )

@@ -1,0 +1,1 @@
+"""Point clouds, maps of them and trajectories from files."""

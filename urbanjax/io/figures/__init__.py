@@ -1,0 +1,1 @@
+"""Figures in one style, drawn without a display and without global state."""

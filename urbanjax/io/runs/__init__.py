@@ -1,0 +1,1 @@
+"""Runs of experiments: command line, configuration, directory, progress, report."""

@@ -1,1 +1,0 @@
-"""What the experiments compute, tabulate and draw."""

@@ -1,1 +1,0 @@
-"""Localization on a made-up district with a known truth (Table II), under injected failures, and on real scans."""

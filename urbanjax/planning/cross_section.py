@@ -1,0 +1,86 @@
+"""The lanes along a plan's stations, as numbers that vary continuously with the station."""
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int
+
+from urbanjax.planning.basis import interpolate
+from urbanjax.roadmap.corridor import Corridor, Sample, sample
+from urbanjax.types import pytree
+
+
+@pytree
+class CrossSections:
+    """The road at n stations. Flags are degrees in [0, 1], so that a plan's cost has no jump where a lane begins."""
+
+    station: Array  # [n] m
+    position: Array  # [n, 2] m, reference line
+    heading: Array  # [n] rad
+    curvature: Array  # [n] 1/m
+    limit: Array  # [n] m/s
+    lane_offset: Array  # [n, Q] m
+    lane_width: Array  # [n, Q] m
+    present: Array  # [n, Q] degree
+    oncoming: Array  # [n, Q] degree
+    barred: Array  # [n, Q] lines on the way out from the route's lane to this one that may not be crossed
+
+
+def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSections:
+    """Cross-sections at any stations [n] (m). Beyond the end of the route its last cross-section holds."""
+    road: Sample = sample(window, station)
+    lanes = window.has_lane.shape[-1]
+    flags = jnp.concatenate([window.has_lane, window.oncoming, window.change], axis=-1).astype(station.dtype)
+    start, spacing = window.station[0], window.station[1] - window.station[0]
+    degrees = interpolate(jnp.minimum(station, window.length), start, spacing, flags)
+    closed = 1 - degrees[:, 2 * lanes :]
+    left = jnp.cumsum(closed[:, lanes // 2 :], axis=-1)
+    right = jnp.cumsum(closed[:, : lanes // 2][:, ::-1], axis=-1)[:, ::-1]
+    return CrossSections(
+        station=station,
+        position=road.position,
+        heading=road.heading,
+        curvature=road.curvature,
+        limit=road.speed_limit,
+        lane_offset=road.lane_offset,
+        lane_width=road.lane_width,
+        present=degrees[:, :lanes],
+        oncoming=degrees[:, lanes : 2 * lanes],
+        barred=jnp.concatenate([right, jnp.zeros_like(degrees[:, :1]), left], axis=-1),
+    )
+
+
+def covered(offset: Float[Array, "n m"], half_width: float | Array, road: CrossSections) -> Float[Array, "n m Q"]:
+    """Width (m) of each lane that a footprint covers. Args: offset [n, M] m, of its middle; half_width m."""
+    low, high = (offset - half_width)[..., None], (offset + half_width)[..., None]
+    right = (road.lane_offset - road.lane_width / 2)[:, None, :]
+    left = (road.lane_offset + road.lane_width / 2)[:, None, :]
+    return jnp.maximum(jnp.minimum(high, left) - jnp.maximum(low, right), 0)
+
+
+def boundaries(road: CrossSections) -> Float[Array, "n e"]:
+    """Offset (m) of the line between each lane and the next one to the left, [n, Q - 1]."""
+    right = road.lane_offset[:, :-1] + road.lane_width[:, :-1] / 2
+    left = road.lane_offset[:, 1:] - road.lane_width[:, 1:] / 2
+    return (right + left) / 2
+
+
+def bars(road: CrossSections, start: Int[Array, "s"], end: Int[Array, "e"]) -> Float[Array, "n s e"]:
+    """Degree to which the way from lane to lane is barred, [n, S, E]: outwards over a line that may not be crossed.
+
+    Back towards the route's lane the way is free. Args: start [S], end [E], lanes across.
+    """
+    middle = road.lane_offset.shape[1] // 2
+    same_side = (start[:, None] - middle) * (end[None, :] - middle) >= 0
+    passed = jnp.where(same_side[None], road.barred[:, start][:, :, None], 0)
+    return jnp.clip(road.barred[:, end][:, None, :] - passed, 0, 1)
+
+
+def drivable(road: CrossSections) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Offsets [n] (m) of the right and the left border of the width from the route's lane outwards."""
+    middle = road.lane_offset.shape[1] // 2
+
+    def reach(border: Array, present: Array) -> Array:
+        return border[:, 0] + jnp.sum(jnp.cumprod(present[:, 1:], axis=1) * jnp.diff(border, axis=1), axis=1)
+
+    right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
+    return reach(right[:, middle::-1], road.present[:, middle::-1]), reach(left[:, middle:], road.present[:, middle:])

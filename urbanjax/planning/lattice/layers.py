@@ -1,0 +1,225 @@
+"""The lattice that macro planning searches: its nodes, and what nodes and edges cost (Eq. 13-14)."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Int
+
+from urbanjax.numerics import soft
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
+from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
+from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
+from urbanjax.planning.lattice.edges import CORNER, EdgeLimits, Steps, join, layers_of, refused, sharpest, steps_along
+from urbanjax.planning.previous import Previous, profile
+from urbanjax.types import Prediction, pytree, static
+from urbanjax.vehicle.params import VehicleParams
+
+MACRO_TERMS = (
+    "length",
+    "obstacle",
+    "curvature",
+    "transition",
+    "route",
+    "centre",
+    "lane_change",
+    "oncoming",
+    "line",
+    "collision",
+    "forbidden",
+)
+
+
+@pytree
+class LatticeWeights:
+    """What a plan pays, in metres of detour (length has weight 1), and what it may not do."""
+
+    obstacle: float = 1.0  # per m^2 of missing clearance and m of way
+    clearance: float = 0.8  # m, below which clearance is missing
+    curvature: float = 1.0  # per rad of turn
+    transition: float = 0.05  # per m beside the previous plan and m of way
+    route: float = 0.05  # per m beside the route's lane and m of way
+    centre: float = 0.1  # per m beside the centre of the lane and m of way
+    lane_change: float = 2.0  # per change
+    oncoming: float = 0.1  # per m of way in the oncoming lane
+    line: float = 5.0  # per m of the footprint over a line that may not be crossed, and m of way
+    collision: float = 500.0  # per colliding node: the least collisions, but
+    forbidden: float = 2e4  # per node off the road, and per step that breaks a limit or crosses such a line: never
+    max_slope: float = 0.4  # of the path against the lane
+    lateral_speed: float = 3.0  # m/s
+    collision_scale: float = 0.2  # m, gap that clearly is no collision
+    slope_scale: float = 0.02  # slope that clearly is too steep
+    line_scale: float = 0.5  # m, clearly across the line between two lanes
+    edges: EdgeLimits = EdgeLimits()
+    barrier: str = static(default="hinge", metadata={"choices": BARRIERS})
+
+
+@pytree
+class Lattice:
+    """Nodes in S layers of M = Q * r, from right to left, with the road and the assumed profile at each layer."""
+
+    offset: Array  # [S, M] m
+    lane: Array  # [M] int, lane across that a node belongs to
+    road: CrossSections  # at the S layers
+    station: Array  # [S] m
+    spacing: Array  # [] m
+    time: Array  # [S] s, of arrival
+    speed: Array  # [S] m/s
+    step_time: Array  # [S] s, from the layer before
+    steps: Steps  # to each layer from the one before
+
+
+def node_offsets(road: CrossSections, r: int) -> tuple[Float[Array, "n m"], Int[Array, "m"]]:
+    """Offsets [n, M] (m) of Q * r nodes from right to left, and the lane across [M] that each belongs to.
+
+    Nodes are spread evenly over each lane, so that with lanes side by side they are even across the road.
+    """
+    lanes = road.lane_offset.shape[1]
+    within = (jnp.arange(r).astype(road.lane_offset.dtype) - (r - 1) / 2) / r
+    offset = road.lane_offset[:, :, None] + road.lane_width[:, :, None] * within[None, None, :]
+    return offset.reshape(-1, lanes * r), jnp.repeat(jnp.arange(lanes), r)
+
+
+def build(road: CrossSections, speed: Float[Array, "k"], time: Float[Array, "k"], r: int) -> Lattice:
+    """The lattice ahead. Args: road, at the fine stations of S steps from the ego's own station on; r nodes per lane.
+
+    Speed and time at those S + 1 stations.
+    """
+    layers = layers_of(road, CORNER)
+    spacing = jnp.broadcast_to(layers.station[1] - layers.station[0], (speed.shape[0] - 1,))
+    ahead = jax.tree.map(lambda x: x[1:], layers)
+    offset, lane = node_offsets(ahead, r)
+    return Lattice(
+        offset=offset,
+        lane=lane,
+        road=ahead,
+        station=ahead.station,
+        spacing=spacing[0],
+        time=time[1:],
+        speed=speed[1:],
+        step_time=jnp.diff(time),
+        steps=steps_along(road, spacing, CORNER),
+    )
+
+
+def clearance(
+    lattice: Lattice,
+    prediction: Prediction,
+    follower: Float[Array, "b"],
+    vehicle: VehicleParams,
+    params: ClearanceParams,
+    relaxation: Relaxation,
+) -> Float[Array, "s m"]:
+    """Smallest gap [S, M] (m) from the ego's box at each node, when it arrives there, to any predicted box."""
+    road, shape = lattice.road, lattice.offset.shape
+    left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
+    position = road.position[:, None, :] + lattice.offset[..., None] * left[:, None, :]
+
+    def each(layer: Array) -> Array:
+        return jnp.broadcast_to(layer[:, None], shape).reshape(-1)
+
+    passage = Passage(
+        position=position.reshape(-1, 2),
+        heading=each(road.heading),
+        time=each(lattice.time),
+        step=each(jnp.broadcast_to(lattice.spacing, shape[:1])),
+        step_time=each(lattice.step_time),
+    )
+    room = gaps(passage, prediction, follower, vehicle, params, relaxation)
+    return soft.minimum(room, relaxation, params.gap_scale).reshape(shape)
+
+
+def node_terms(
+    lattice: Lattice,
+    room: Float[Array, "s m"],
+    previous: Previous,
+    vehicle: VehicleParams,
+    weights: LatticeWeights,
+    relaxation: Relaxation,
+) -> tuple[dict[str, Array], Float[Array, "s m"]]:
+    """Weighted cost [S, M] of each node by name (Eq. 13), and the degree [S, M] to which it is forbidden.
+
+    Every term is multiplied by the layer spacing, so that weights do not depend on the resolution.
+    """
+    road, offset, ds = lattice.road, lattice.offset, lattice.spacing
+    covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
+    over = bars(road, lattice.lane, jnp.arange(road.barred.shape[1]))
+    missing = vehicle.width - jnp.sum(covers, axis=-1) + 1 - road.present[:, lattice.lane]
+    off_road = soft.above(missing, weights.edges.tolerance, relaxation, scale=weights.edges.edge_scale)
+    collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
+    last, counts = profile(previous, lattice.station)
+    route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
+    turn = road.curvature[:, None] / jnp.maximum(1 - road.curvature[:, None] * offset, 0.2)
+    opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
+    return {
+        "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, weights.barrier),
+        "curvature": weights.curvature * ds * smooth_abs(turn, 1e-4),
+        "transition": weights.transition * ds * smooth_abs(offset - last[:, None]) * counts[:, None],
+        "route": weights.route * ds * smooth_abs(offset - route[:, None]),
+        "centre": weights.centre * ds * smooth_abs(offset - road.lane_offset[:, lattice.lane]),
+        "oncoming": weights.oncoming * ds * opposed,
+        "line": weights.line * ds * jnp.sum(covers * over, axis=-1),
+        "collision": weights.collision * collides,
+        "forbidden": weights.forbidden * off_road,
+    }, soft.either(off_road, collides)
+
+
+def edge_terms(
+    lattice: Lattice, vehicle: VehicleParams, weights: LatticeWeights, relaxation: Relaxation
+) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
+    """Weighted cost [S-1, M, M] of each edge by name, and the degree to which it is forbidden.
+
+    An edge is as long as it is along its own offset curve, and is forbidden where it is too sharp or leaves the road;
+    the reference line's own bends are never too sharp.
+    """
+    steps = jax.tree.map(lambda x: x[1:], lattice.steps)
+    offsets = (lattice.offset[:-1], lattice.offset[1:])
+    ways = join(offsets, jax.tree.map(jnp.zeros_like, offsets), steps, CORNER, vehicle)
+    bends = jnp.max(jnp.abs(steps.curvature), axis=1)[:, None, None]
+    beyond = refused(ways, jnp.maximum(sharpest(vehicle, weights.edges), bends), weights.edges, relaxation)
+    across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
+    crossed = jnp.abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
+    barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, lattice.lane)
+    steep = _too_steep(across, lattice.spacing, lattice.speed[1:, None, None], weights, relaxation)
+    bad = soft.either(soft.either(barred, steep), beyond)
+    return {
+        "length": ways.detour,
+        "lane_change": jnp.broadcast_to(weights.lane_change * crossed[None], across.shape),
+        "forbidden": weights.forbidden * bad,
+    }, bad
+
+
+def start_terms(
+    lattice: Lattice,
+    offset: Float[Array, ""],
+    vehicle: VehicleParams,
+    weights: LatticeWeights,
+    relaxation: Relaxation,
+) -> tuple[dict[str, Array], Float[Array, "m"]]:
+    """Weighted cost [M] of the edges from the ego's own offset (m) to the first layer, and the forbidden degree."""
+    first = jax.tree.map(lambda x: x[:1], lattice.road)
+    lines = boundaries(first)[0]
+    # The ego's lane, as weights: the degree to which it is left of each line, less that of the next one.
+    left_of = soft.above(offset - lines, 0.0, relaxation, scale=weights.line_scale)
+    one = jnp.ones_like(left_of[:1])
+    own = jnp.concatenate([one, left_of]) - jnp.concatenate([left_of, 0 * one])
+    lanes = jnp.arange(own.shape[0])
+    crossed = own @ jnp.abs(lanes[:, None] - lattice.lane[None, :]).astype(offset.dtype)
+    across = lattice.offset[0] - offset
+    ends = (offset[None, None], lattice.offset[:1])
+    ways = join(ends, jax.tree.map(jnp.zeros_like, ends), jax.tree.map(lambda x: x[:1], lattice.steps), CORNER, vehicle)
+    bad = soft.either(
+        own @ bars(first, lanes, lattice.lane)[0],
+        _too_steep(across, lattice.spacing, lattice.speed[0], weights, relaxation),
+    )
+    return {
+        "length": ways.detour[0, 0],
+        "lane_change": weights.lane_change * crossed,
+        "forbidden": weights.forbidden * bad,
+    }, bad
+
+
+def _too_steep(across: Array, along: Array, speed: Array, weights: LatticeWeights, relaxation: Relaxation) -> Array:
+    """Degree to which a step's slope is beyond the geometric limit or the lateral speed."""
+    limit = jnp.minimum(weights.max_slope, weights.lateral_speed / speed)
+    return soft.above(jnp.abs(across) / along - limit, 0.0, relaxation, scale=weights.slope_scale)

@@ -1,0 +1,292 @@
+"""The corridor M_ext: the lanes across a route, on uniform stations along its reference line."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jaxtyping import Float
+
+from urbanjax.geometry import frenet
+from urbanjax.numerics import safe
+from urbanjax.roadmap.across import LanesAcross, lanes_across
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.reference import ReferenceRow, Walk, rows, unwrapped, walk
+from urbanjax.roadmap.route import Route
+from urbanjax.types import RoadError, pytree, static
+
+AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
+LATER = 1e-4  # m^2 per m of station, likewise: of several laps the first one counts
+
+
+@pytree
+class Corridor:
+    """N stations, `spacing` apart, along the route's reference line; Q lanes across, from right (0) to left (Q - 1).
+
+    Lane Q // 2 is the route's own lane: its offset is 0. Where the route changes lanes, the reference line moves over
+    from one lane to the next and the lanes beside move with it, so that each lane across is continuous along the route;
+    while they lie between the marked lanes, they exist only where there is a marked lane before *and* after. The whole
+    route is one such table; `window` cuts the part around the vehicle, with the same fields and fewer stations.
+    """
+
+    station: Array  # [N] m from the start of the route, uniform
+    position: Array  # [N, 2] m, reference line
+    heading: Array  # [N] rad, unwrapped
+    curvature: Array  # [N] 1/m
+    lane_offset: Array  # [N, Q] m, lane centres, left positive
+    lane_width: Array  # [N, Q] m
+    lane_link: Array  # [N, Q] int32, link of the road graph
+    has_lane: Array  # [N, Q] bool
+    oncoming: Array  # [N, Q] bool, a lane whose direction is against the route
+    change: Array  # [N, Q - 1] bool, changing between lanes q and q + 1 is permitted here
+    speed_limit: Array  # [N] m/s
+    turn: Array  # [N] int32, Turn of the route's link
+    valid: Array  # [N] bool, false beyond the end of the route
+    length: Array  # [] m, of the route
+    stop_station: Array  # [Y] m, stop lines on the route
+    stop_signal: Array  # [Y] int32, signal id of each
+    has_stop: Array  # [Y] bool
+    spacing: float = static(default=1.0)  # m
+
+    @property
+    def route_lane(self) -> int:
+        """Index across of the route's own lane."""
+        return self.lane_offset.shape[-1] // 2
+
+
+@pytree
+class CorridorParams:
+    """How the lanes around a route are sampled."""
+
+    blend_length: float = 30.0  # m, over which the reference line moves to the next lane
+    n_stations: int = static(default=1024)  # N
+    spacing: float = static(default=1.0)  # m
+    lanes: int = static(default=5)  # Q, odd
+    n_stops: int = static(default=16)  # Y
+
+
+@pytree
+class WindowParams:
+    """The part of the route that one step looks at."""
+
+    behind: float = 50.0  # m, how much of it lies behind the vehicle
+    n_stations: int = static(default=256)  # W
+
+
+@pytree
+class Sample:
+    """The corridor at some stations."""
+
+    position: Array  # [*n, 2] m, reference line
+    heading: Array  # [*n] rad
+    curvature: Array  # [*n] 1/m
+    lane_offset: Array  # [*n, Q] m
+    lane_width: Array  # [*n, Q] m
+    lane_link: Array  # [*n, Q] int32
+    has_lane: Array  # [*n, Q] bool
+    oncoming: Array  # [*n, Q] bool
+    change: Array  # [*n, Q - 1] bool
+    speed_limit: Array  # [*n] m/s
+    turn: Array  # [*n] int32
+    valid: Array  # [*n] bool
+
+
+@pytree
+class Progress:
+    """Where a pose is along the reference line."""
+
+    station: Array  # [] m from the start of the route
+    offset: Array  # [] m, left positive
+    heading_error: Array  # [] rad in [-pi, pi), of the pose against the reference line
+
+
+def corridor_along(graph: RoadGraph, route: Route, params: CorridorParams) -> Corridor:
+    """The corridor along a route (IV-C.3); pure, of static size.
+
+    Beyond the end of the route the reference line goes straight on and `valid` is false. A route of more than N
+    stations is cut off there, while `length` is still its own. Raises RoadError on impossible sizes.
+    """
+    if params.lanes % 2 == 0 or params.n_stations < 2 or not params.spacing > 0:
+        raise RoadError(f"lanes must be odd, n_stations 2 or more and spacing positive, not {params}")
+    path = walk(graph, route)
+    grid = params.spacing * jnp.arange(params.n_stations, dtype=graph.length.dtype)
+
+    def at(u: Array, _: None) -> tuple[Array, tuple[ReferenceRow, Array]]:
+        """The rows at u, the arc length of the line if u is uniform, and the u that uniform arc length asks for."""
+        row = rows(graph, path, u, params.blend_length)
+        arc = jnp.pad(jnp.cumsum(0.5 * (row.speed[1:] + row.speed[:-1])) * params.spacing, (1, 0))
+        return jnp.interp(grid, arc, grid) + jnp.maximum(grid - arc[-1], 0), (row, arc)
+
+    # Twice the same: at uniform u to measure the line, then at uniform arc length.
+    _, (twice, measured) = lax.scan(at, grid, length=2)
+    row, arc = jax.tree.map(lambda x: x[1], twice), measured[0]
+    lanes = _lanes(graph, path, row, params.lanes)
+    length = _station(path.total, grid, arc)
+    link, following = path.link[row.entry], path.following[row.entry]
+    limit = graph.speed_limit[link] * (1 - row.weight) + graph.speed_limit[following] * row.weight
+    own = jnp.where(row.weight < 0.5, link, following)
+    station, signal, has = _stops(graph, path, route, grid, arc, params.n_stops)
+    return Corridor(
+        station=grid,
+        position=row.position,
+        heading=unwrapped(row.heading),
+        curvature=row.curvature,
+        lane_offset=lanes.offset,
+        lane_width=lanes.width,
+        lane_link=lanes.link,
+        has_lane=lanes.has,
+        oncoming=lanes.oncoming,
+        change=lanes.change,
+        speed_limit=limit,
+        turn=graph.turn[own],
+        valid=grid <= length,
+        length=length,
+        stop_station=station,
+        stop_signal=signal,
+        has_stop=has,
+        spacing=params.spacing,
+    )
+
+
+def sized(graph: RoadGraph, route: Route, params: CorridorParams, margin: float = 300.0) -> CorridorParams:
+    """`params` with room for the whole route, `margin` metres beyond its end, and all its stop lines (host side).
+
+    Sizes are rounded up, so that routes of similar length share one compiled program.
+    """
+    path = walk(graph, route)
+    stops = int(np.sum(np.asarray(graph.has_signal[route.link] & route.valid[:, None])))
+    n = int(np.ceil((float(path.total) * 1.01 + margin) / params.spacing))
+    return params.replace(n_stations=-(-n // 512) * 512, n_stops=max(-(-stops // 16) * 16, 16))
+
+
+def _station(u: Array, grid: Array, arc: Array) -> Array:
+    """Station [m] along the reference line at each u [m]."""
+    return jnp.interp(u, grid, arc) + jnp.maximum(u - grid[-1], 0)
+
+
+def _lanes(graph: RoadGraph, path: Walk, row: ReferenceRow, lanes: int) -> LanesAcross:
+    """The lanes across each row; where the route changes lanes, those seen from either of the two, mixed by weight."""
+    link, following, change = path.link[row.entry], path.following[row.entry], path.change[row.entry]
+    other = jnp.where(change, following, link)
+    station = jnp.where(change, row.following_station, row.station)
+    pairs = ((link, other), (row.station, station), (row.position, row.position), (row.heading, row.heading))
+    links, stations, positions, headings = (jnp.concatenate(pair) for pair in pairs)
+    across = lanes_across(graph, links, stations, positions, headings, lanes)
+    a, b = (jax.tree.map(lambda x, i=i: jnp.split(x, 2)[i], across) for i in range(2))
+    w = row.weight[:, None]
+    early, late = w < 0.15, w > 0.85
+    nearer = jax.tree.map(lambda x, y: jnp.where(w < 0.5, x, y), a, b)
+    return nearer.replace(
+        offset=(1 - w) * a.offset + w * b.offset,
+        width=(1 - w) * a.width + w * b.width,
+        has=(a.has | late) & (b.has | early),
+        oncoming=(a.oncoming & ~late) | (b.oncoming & ~early),
+    )
+
+
+def _stops(graph: RoadGraph, path: Walk, route: Route, grid: Array, arc: Array, n: int) -> tuple[Array, Array, Array]:
+    """Stations, signals and mask [n] of the stop lines of the route, in driving order."""
+    passed = (route.valid & ~path.change)[:, None] & graph.has_signal[path.link]
+    u = (path.begin - path.start)[:, None] + graph.stop_line[path.link]
+    u, signal = u.ravel(), graph.signal[path.link].ravel()
+    order = jnp.argsort(jnp.where(passed.ravel(), u, jnp.inf))[:n]
+    order = jnp.pad(order, (0, n - order.shape[0]))
+    has = jnp.arange(n) < jnp.sum(passed)
+    return jnp.where(has, _station(u[order], grid, arc), 0), jnp.where(has, signal[order], 0), has
+
+
+def window(corridor: Corridor, station: Float[Array, ""], params: WindowParams) -> Corridor:
+    """The W stations from `behind` metres behind `station`; at the ends of the table, the first or last W.
+
+    Piecewise constant in the station; whatever is read from the window by station does not depend on where it begins.
+    """
+    size = corridor.station.shape[0]
+    steps = (station - params.behind - corridor.station[0]) / corridor.spacing
+    start = jnp.clip(jnp.floor(steps), 0, max(size - params.n_stations, 0)).astype(jnp.int32)
+
+    def cut(x: Array) -> Array:
+        return lax.dynamic_slice_in_dim(x, start, min(params.n_stations, size))
+
+    along = ("station", "position", "heading", "curvature", "lane_offset", "lane_width", "lane_link", "has_lane")
+    rules = ("oncoming", "change", "speed_limit", "turn", "valid")
+    return corridor.replace(**{name: cut(getattr(corridor, name)) for name in (*along, *rules)})
+
+
+def sample(corridor: Corridor, station: Float[Array, "*n"]) -> Sample:
+    """The corridor at any stations [m].
+
+    Position, heading, curvature, offsets, widths and speed limit are continuous in the station; links, flags and turns
+    are those of the nearest row. Beyond the table the reference line goes straight on and the lanes beside it.
+    """
+    i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, corridor.station.shape[0], station)
+    heading = frenet.linear(corridor.heading, i, f)
+    straight = beyond[..., None] * jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
+    k = i + (f > 0.5)
+    return Sample(
+        position=frenet.hermite(corridor.position, corridor.heading, corridor.spacing, i, f) + straight,
+        heading=heading,
+        curvature=frenet.linear(corridor.curvature, i, f),
+        lane_offset=frenet.linear(corridor.lane_offset, i, f),
+        lane_width=frenet.linear(corridor.lane_width, i, f),
+        lane_link=corridor.lane_link[k],
+        has_lane=corridor.has_lane[k],
+        oncoming=corridor.oncoming[k],
+        change=corridor.change[k],
+        speed_limit=frenet.linear(corridor.speed_limit, i, f),
+        turn=corridor.turn[k],
+        valid=corridor.valid[k],
+    )
+
+
+def sample_one(corridor: Corridor, station: Float[Array, ""]) -> Sample:
+    """The corridor at one station [m], without leading axes."""
+    return sample(corridor, station)
+
+
+def to_world(
+    corridor: Corridor, station: Float[Array, "*n"], offset: Float[Array, "*n"]
+) -> tuple[Float[Array, "*n 2"], Float[Array, "*n"], Float[Array, "*n"]]:
+    """Positions [m], headings of the reference line [rad] and curvatures of the parallel curve [1/m].
+
+    Args: station [m]; offset d [m], left positive, constant along the curve, whose curvature is kappa / (1 - kappa d).
+    """
+    at = frenet.sample(
+        corridor.position, corridor.heading, corridor.curvature, corridor.station[0], corridor.spacing, station
+    )
+    scale = jnp.maximum(1 - at.curvature * offset, 0.1)
+    return frenet.to_world(at, offset), at.heading, at.curvature / scale
+
+
+def progress(corridor: Corridor, position: Float[Array, "2"], heading: Float[Array, ""]) -> Progress:
+    """Station [m], offset [m] and heading error [rad] of a pose on the reference line; the inverse of `to_world`.
+
+    The foot of the perpendicular, by Newton's method from the nearest station; stations that run against the pose's
+    heading count as farther off, so that a road which comes back beside itself is not mistaken, and of several laps the
+    first one is taken. Continuous and differentiable in the pose up to the centre of curvature; the choice of the
+    starting station is not differentiated.
+    """
+    nodes, last = corridor.position, corridor.station.shape[0] - 1
+    miss = (position[0] - nodes[:, 0]) ** 2 + (position[1] - nodes[:, 1]) ** 2
+    miss = miss + LATER * (corridor.station - corridor.station[0])
+    k = jnp.argmin(miss + AGAINST * (1 - jnp.cos(heading - corridor.heading)))
+    reach = 3 * corridor.spacing  # off a bend's inner side Newton's method may not run away along the road
+    station = corridor.station[k]
+    low = jnp.where(k == 0, -jnp.inf, station - reach)
+    high = jnp.where(k == last, jnp.inf, station + reach)
+    for iteration in range(5):
+        if iteration < 3:  # the last two carry the exact derivative
+            station = lax.stop_gradient(station)
+        i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, last + 1, station)
+        bend = jnp.where(beyond == 0, (corridor.heading[i + 1] - corridor.heading[i]) / corridor.spacing, 0)
+        along, aside, _ = _seen_from(corridor, i, f, beyond, position)
+        station = jnp.clip(station + along / jnp.maximum(1 - bend * aside, 0.2), low, high)
+    i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, last + 1, station)
+    _, offset, angle = _seen_from(corridor, i, f, beyond, position)
+    return Progress(station, offset, safe.wrap_angle(heading - angle))
+
+
+def _seen_from(corridor: Corridor, i: Array, f: Array, beyond: Array, position: Array) -> tuple[Array, Array, Array]:
+    """Distance of a position along and to the left of the reference line's direction at one place, and its heading."""
+    angle = frenet.linear(corridor.heading, i, f)
+    cos, sin = jnp.cos(angle), jnp.sin(angle)
+    away = position - frenet.hermite(corridor.position, corridor.heading, corridor.spacing, i, f)
+    return cos * away[0] + sin * away[1] - beyond, cos * away[1] - sin * away[0], angle

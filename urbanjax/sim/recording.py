@@ -1,0 +1,72 @@
+"""Recorded traffic (host side, float64, relative to the graph's origin)."""
+
+import dataclasses
+from collections.abc import Hashable, Sequence
+from typing import no_type_check
+
+import numpy as np
+
+
+@no_type_check
+@dataclasses.dataclass(frozen=True)
+class RecordedTrack:
+    """One road user as a file states it, before all are brought onto one clock."""
+
+    id: Hashable
+    kind: str
+    length: float  # m
+    width: float  # m
+    step: np.ndarray  # [n] int, rising
+    position: np.ndarray  # [n, 2] m, box centre, map coordinates
+    heading: np.ndarray  # [n] rad
+    speed: np.ndarray  # [n] m/s
+    standing: bool = False  # an obstacle that never moves: there at all times
+
+
+@no_type_check
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """V road users at T times; entries are meaningful where `valid`, and hold the nearest valid state elsewhere."""
+
+    dt: float  # s
+    ids: tuple[Hashable, ...]  # [V]
+    kind: tuple[str, ...]  # [V] as the file has it: "car", "truck", "bicycle", ...
+    standing: np.ndarray  # [V] bool, obstacles that never move
+    length: np.ndarray  # [V] m
+    width: np.ndarray  # [V] m
+    position: np.ndarray  # [V, T, 2] m, box centre, relative to the graph's origin
+    heading: np.ndarray  # [V, T] rad, unwrapped
+    speed: np.ndarray  # [V, T] m/s
+    valid: np.ndarray  # [V, T] bool
+
+    @property
+    def n_times(self) -> int:
+        """T."""
+        return self.valid.shape[1]
+
+
+def record(tracks: Sequence[RecordedTrack], dt: float, origin: tuple[float, float]) -> Recording:
+    """All tracks on one clock of T steps from 0; what lies between two states of a track is valid and interpolated."""
+    steps = 1 + max((int(track.step[-1]) for track in tracks), default=0)
+    count = len(tracks)
+    position, heading, speed = np.zeros((count, steps, 2)), np.zeros((count, steps)), np.zeros((count, steps))
+    valid = np.zeros((count, steps), bool)
+    clock = np.arange(steps)
+    for v, track in enumerate(tracks):
+        for k in range(2):
+            position[v, :, k] = np.interp(clock, track.step, track.position[:, k] - origin[k])
+        heading[v] = np.interp(clock, track.step, np.unwrap(track.heading))
+        speed[v] = np.interp(clock, track.step, track.speed)
+        valid[v] = track.standing | ((clock >= track.step[0]) & (clock <= track.step[-1]))
+    return Recording(
+        dt=dt,
+        ids=tuple(track.id for track in tracks),
+        kind=tuple(track.kind for track in tracks),
+        standing=np.array([track.standing for track in tracks], bool),
+        length=np.array([track.length for track in tracks], float),
+        width=np.array([track.width for track in tracks], float),
+        position=position,
+        heading=heading,
+        speed=speed,
+        valid=valid,
+    )

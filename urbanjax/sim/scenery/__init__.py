@@ -1,0 +1,1 @@
+"""What stands beside the roads: buildings, trees, walls, parked cars, and the boxes that sensors see."""

@@ -1,1 +1,0 @@
-"""What sensors see of the world, and the furniture of the streets that they see it by."""
