@@ -47,7 +47,9 @@ def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, L
     family = overtake.OvertakeParams(length=400.0)
     graph = overtake.road(family)
     keys = jax.random.split(jax.random.key(seed), n)
-    starts = jax.vmap(lambda key: overtake.sample(key, family, params.sim).world)(keys)
+    starts = jax.vmap(
+        lambda key: overtake.sample(key, family, vehicle=params.vehicle, others=params.sim.traffic).world
+    )(keys)
     return course_along(graph, overtake.RIGHT, overtake.RIGHT), roads.from_graph(one_shape(graph)), starts
 
 

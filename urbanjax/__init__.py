@@ -6,7 +6,7 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackInfo, StackParams, StackState, init, step
-from urbanjax.types import Command, Observation, UrbanJaxError, VehicleState, as_arrays
+from urbanjax.types import Command, Observation, UrbanJaxError, VehicleState, as_arrays, batched_values, with_values
 
 __all__ = [
     "Command",
@@ -22,8 +22,10 @@ __all__ = [
     "UrbanJaxError",
     "VehicleState",
     "as_arrays",
+    "batched_values",
     "course_between",
     "init",
     "rollout",
     "step",
+    "with_values",
 ]

@@ -1,5 +1,6 @@
 """The closed loop: the stack drives in the simulator, as one scan. Here stack and simulator meet, nowhere else."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -10,19 +11,39 @@ from urbanjax import stack
 from urbanjax.course import Course
 from urbanjax.sim import log, world
 from urbanjax.sim.lanes import LaneTables
+from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
 from urbanjax.sim.world import Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import pytree
+from urbanjax.types import ConfigError, pytree
+from urbanjax.vehicle.params import VehicleParams
 
 
 @pytree
 class LoopParams:
-    """Everything that a closed loop depends on."""
+    """Everything that a closed loop depends on; vehicle, period and sensor are said here once and handed down."""
 
+    vehicle: VehicleParams = VehicleParams()  # the ego
+    period: float = 0.1  # s, of one step of the driver
+    sensor: LidarParams = LidarParams()
     stack: StackParams = StackParams()
     sim: SimParams = SimParams()
-    period: float = 0.1  # s, of one stack step
+
+    def loop(self) -> "LoopParams":
+        """These alone, of a class that adds to them what an experiment asks."""
+        return LoopParams(**{spec.name: getattr(self, spec.name) for spec in dataclasses.fields(LoopParams)})
+
+    def handed_down(self) -> tuple[StackParams, SimParams]:
+        """Driver and simulator with the vehicle, the period and the sensor of this loop.
+
+        Raises ConfigError (when traced) where one of them holds its own.
+        """
+        for name, part in (("stack", self.stack), ("sim", self.sim)):
+            for spec in dataclasses.fields(part):
+                if spec.metadata.get("handed_down") and getattr(part, spec.name) is not None:
+                    raise ConfigError(f"'{name}.{spec.name}' is said twice: leave it None and set it in LoopParams")
+        stack = self.stack.replace(vehicle=self.vehicle, period=self.period, mount=self.sensor.mount)
+        return stack, self.sim.replace(vehicle=self.vehicle, lidar=self.sensor)
 
 
 @pytree
@@ -62,20 +83,23 @@ def rollout(
     """Drive `n_steps` stack steps from `start`; returns the log and what `keep` keeps of the info, stacked over time.
 
     Pure: jit it with static `n_steps` and `keep`, vmap it over starts and parameters, differentiate it with respect to
-    parameters. Args: lanes, the simulator's tables of `course.graph` (`sim.lanes.from_graph`); sensing, for a
-    stack that localizes itself from scans.
+    parameters. Args: course, what the drive is about; lanes, the simulator's tables of its graph
+    (`sim.lanes.from_graph`); start, the world; keep, what is kept of the info of each step; sensing, for a stack that
+    localizes itself from scans.
     """
-    relaxation = params.stack.relaxation
+    driver, sim = params.handed_down()
+    course, relaxation = course.replace(graph=lanes.graph), driver.relaxation  # one graph in the program, not two
 
     def body(carry: tuple, _: None) -> tuple[tuple, tuple]:
         state, now = carry
-        observation = world.observe(params.sim, lanes, now, sensing)
-        command, following, info = stack.step(params.stack, course, state, observation)
-        entry = log.record(params.sim, lanes, now, command, relaxation)
-        after = world.step(params.sim, lanes, now, command, params.period, relaxation)
+        seen = world.look(sim, lanes, world=now)
+        observation = world.observe(sim, lanes, world=now, seen=seen, sensing=sensing)
+        command, following, info = stack.step(driver, course, state, observation)
+        entry = log.record(sim, lanes, world=now, command=command, relaxation=relaxation, seen=seen)
+        after = world.step(sim, lanes, now, command, params.period, relaxation, seen)
         return (following, after), (entry, keep(info))
 
-    first = stack.init(params.stack, course, start.ego.pose)
+    first = stack.init(driver, course, start.ego.pose)
     # The backward pass recomputes each step from its start: memory grows with the state alone, not with the plans.
     _, kept = jax.lax.scan(jax.checkpoint(body, prevent_cse=False), (first, start), length=n_steps)
     return kept

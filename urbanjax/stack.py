@@ -24,7 +24,7 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.previous import Previous
 from urbanjax.roadmap.corridor import Progress, WindowParams, progress, window
 from urbanjax.roadmap.locate import LocateParams, locate
-from urbanjax.types import Command, Observation, Prediction, pytree, static
+from urbanjax.types import HANDED_DOWN, Command, ConfigError, Observation, Prediction, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -32,7 +32,11 @@ from urbanjax.vehicle.params import VehicleParams
 class StackParams:
     """Every parameter of the stack."""
 
-    vehicle: VehicleParams = VehicleParams()
+    vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)
+    period: float = field(default=None, metadata=HANDED_DOWN)  # s, of one step
+    mount: tuple[float, float, float, float] = field(
+        default=None, metadata=HANDED_DOWN
+    )  # of the LiDAR: x, y, z (m) above the ground, yaw (rad)
     window: WindowParams = WindowParams()
     locate: LocateParams = LocateParams()
     planning: PlanningParams = PlanningParams()
@@ -68,14 +72,19 @@ class StackInfo:
 
 
 def init(params: StackParams, course: Course, pose: jaxlie.SE2) -> StackState:
-    """The state before the first step. Args: pose, T_world_body of the rear axle, near the route."""
+    """The state before the first step. Args: course, of the drive; pose, T_world_body of the rear axle, near its route.
+
+    Raises ConfigError where the vehicle or the period has not been handed down.
+    """
+    if params.vehicle is None or params.period is None:
+        raise ConfigError("StackParams.vehicle and .period are None: set them, or take LoopParams().handed_down()[0]")
     whole = progress(course.corridor, pose.translation(), pose.rotation().as_radians())
     return StackState(
         station=whole.station,
         macro=previous.nothing(params.planning.macro.n_layers),
         micro=previous.nothing(params.planning.primitives.n_points),
         select=tsps.init(whole, course.corridor),
-        localizer=LOCALIZERS[params.localizer].init(params.lidar, course, pose),
+        localizer=LOCALIZERS[params.localizer].init(_lidar(params), course, pose),
     )
 
 
@@ -91,7 +100,7 @@ def step(
     objects = observation.objects
     with jax.named_scope("localization"):
         localizer = LOCALIZERS[params.localizer]
-        located, localized = localizer.step(params.lidar, course, state.localizer, observation)
+        located, localized = localizer.step(_lidar(params), course, state.localizer, observation)
         ego = located.vehicle_state(observation.odometry)
     with jax.named_scope("route"):
         road = window(course.corridor, state.station, params.window)
@@ -133,3 +142,8 @@ def step(
         localizer=localized,
     )
     return command, following, StackInfo(located, here, future, wide, near, choice, pace)
+
+
+def _lidar(params: StackParams) -> Any:
+    """The localizer's params with what it has to agree on."""
+    return None if params.lidar is None else params.lidar.replace(mount=params.mount, period=params.period)

@@ -36,10 +36,10 @@ def measure(
     study: PlanSpeedStudy, loop: LoopParams, course: Course, lanes: LaneTables, world: WorldState
 ) -> dict[str, float]:
     """Milliseconds of one plan, by name: median, 99th percentile, and seconds of the first call."""
-    stack = loop.stack
+    stack, sim = loop.handed_down()
     planning = as_arrays(stack.planning.replace(primitives=study.fan))
     vehicle, relaxation = stack.vehicle, stack.relaxation
-    seen = worlds.observe(loop.sim, lanes, world)
+    seen = worlds.observe(sim, lanes, world=world)
     station = progress(course.corridor, world.ego.position, world.ego.heading).station
     at = look(course, station, world.ego, seen.objects, stack.window, stack.locate, stack.planning.prediction)
     memory = as_arrays(plans.nothing(planning))

@@ -59,26 +59,28 @@ def _drive(
     loop: LoopParams, course: Course, lanes: LaneTables, starts: WorldState, n_steps: int
 ) -> tuple[Any, Decisions]:
     """State and observation before each step and the decisions in it, [T, S]."""
+    params, sim = loop.handed_down()
 
     def body(carry: tuple, _: None) -> tuple[tuple, tuple]:
         states, now = carry
-        observations = jax.vmap(lambda world: worlds.observe(loop.sim, lanes, world))(now)
+        observations = jax.vmap(lambda world: worlds.observe(sim, lanes, world=world))(now)
         commands, following, info = jax.vmap(stack.step, in_axes=(None, None, 0, 0))(
-            loop.stack, course, states, observations
+            params, course, states, observations
         )
-        move = jax.vmap(lambda world, command: worlds.step(loop.sim, lanes, world, command, loop.period))
+        move = jax.vmap(lambda world, command: worlds.step(sim, lanes, world, command, loop.period))
         return (following, move(now, commands)), ((states, observations), jax.vmap(decisions)(commands, info))
 
-    first = jax.vmap(lambda start: stack.init(loop.stack, course, start.ego.pose))(starts)
+    first = jax.vmap(lambda start: stack.init(params, course, start.ego.pose))(starts)
     _, kept = jax.lax.scan(body, (first, starts), length=n_steps)
     return kept
 
 
 def _again(loop: LoopParams, course: Course, inputs: Any) -> Decisions:
     """The decisions from given states and observations [T, S]."""
+    params, _ = loop.handed_down()
 
     def one(given: Any) -> Decisions:
-        command, _, info = stack.step(loop.stack, course, *given)
+        command, _, info = stack.step(params, course, *given)
         return decisions(command, info)
 
     return jax.lax.map(jax.vmap(one), inputs)

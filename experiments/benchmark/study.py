@@ -30,22 +30,18 @@ from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios import circulate
 from urbanjax.sim.scenarios.circulate import CirculateParams
 from urbanjax.sim.scenarios.scenario import Scenario
-from urbanjax.sim.world import SimParams, WorldState
-from urbanjax.stack import StackParams
+from urbanjax.sim.world import WorldState
 from urbanjax.types import Command, as_arrays, pytree, static
 
 Tick = Callable[[str], None]
 
 
 @pytree
-class BenchStudy:
+class BenchStudy(LoopParams):
     """What is timed, on the district course."""
 
-    stack: StackParams = StackParams()
-    sim: SimParams = SimParams()
     scenario: CirculateParams = CirculateParams()
     corridor: CorridorParams = CorridorParams()
-    period: float = 0.1  # s
     batches: tuple[int, ...] = static(default=(1, 16, 64))  # sizes of the batches of `stack.step`
     scenarios: int = static(default=64)  # of the simulator's batch
     sim_steps: int = static(default=100)  # policy steps of one simulation
@@ -65,10 +61,10 @@ def scene(study: BenchStudy) -> tuple[Course, LaneTables, Scenario]:
     """The district with the ego's route, the simulator's tables, and the starts stacked along the first axis."""
     graph = circulate.road(study.scenario)
     lanes = tables.from_graph(graph)
-    scenario, sim = as_arrays((study.scenario, study.sim))
+    scenario, others = as_arrays((study.scenario, study.sim.traffic))
     count = max(study.scenarios, *study.batches)
     keys = jax.random.split(jax.random.key(study.seed), count)
-    starts = jax.vmap(lambda key: circulate.sample(key, scenario, sim, lanes))(keys)
+    starts = jax.vmap(lambda key: circulate.sample(key, scenario, others=others, lanes=lanes))(keys)
     start, goal = int(starts.start_link[0]), int(starts.goal_link[0])
     return course_between(graph, start, goal, corridor=study.corridor), lanes, starts
 
@@ -77,7 +73,7 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     """All numbers of the benchmark: name with unit to value."""
     tick("building the district")
     course, lanes, starts = scene(study)
-    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    loop = as_arrays(study.loop())
     out = _stack_step(study, loop, course, lanes, starts, tick)
     out.update(_simulator(study, loop, course, lanes, starts, tick))
     tick("one plan")
@@ -97,22 +93,23 @@ def _stack_step(
 ) -> dict[str, float]:
     """Milliseconds per `stack.step`, whole batch, for each size; cold compile time and first step at size 1."""
     out: dict[str, float] = {}
-    observe = jax.jit(jax.vmap(lambda world: worlds.observe(loop.sim, lanes, world)))
+    params, sim = loop.handed_down()
+    observe = jax.jit(jax.vmap(lambda world: worlds.observe(sim, lanes, world=world)))
     observations = observe(starts.world)
     poses = observations.pose
-    states = jax.jit(jax.vmap(lambda pose: stack.init(loop.stack, course, pose)))(poses)
+    states = jax.jit(jax.vmap(lambda pose: stack.init(params, course, pose)))(poses)
     for size in study.batches:
         tick(f"stack.step, batch of {size}")
         state, observation = jax.tree.map(lambda x, n=size: x[0] if n == 1 else x[:n], (states, observations))
         function = stack.step if size == 1 else jax.vmap(stack.step, in_axes=(None, None, 0, 0))
         step = jax.jit(function)
-        first = timing.seconds(step, loop.stack, course, state, observation)
+        first = timing.seconds(step, params, course, state, observation)
         if size == study.batches[0]:
             out["stack_first_step_s"] = first
         samples = []
         for _ in range(study.repeats):
             began = time.perf_counter()
-            _, state, _ = jax.block_until_ready(step(loop.stack, course, state, observation))
+            _, state, _ = jax.block_until_ready(step(params, course, state, observation))
             samples.append(time.perf_counter() - began)
         out[f"stack_step_b{size}_ms"] = 1e3 * statistics.median(samples)
         out[f"stack_step_b{size}_per_vehicle_ms"] = 1e3 * statistics.median(samples) / size
@@ -151,12 +148,12 @@ def _simulator(
 
 def _simulate(loop: LoopParams, course: Course, lanes: LaneTables, starts: WorldState, n_steps: int) -> Any:
     """Traffic alone, the ego rolling on without a driver; whether any two vehicles ever touched."""
-    zero = jnp.zeros_like(loop.period)
+    zero, (_, sim) = jnp.zeros_like(loop.period), loop.handed_down()
 
     def one(start: WorldState) -> jax.Array:
         def body(carry: tuple, _: None) -> tuple[tuple, None]:
             world, touched = carry
-            world = worlds.step(loop.sim, lanes, world, Command(zero, zero), loop.period)
+            world = worlds.step(sim, lanes, world, Command(zero, zero), loop.period)
             objects = agents.objects(lanes, world.traffic, loop.sim.traffic)
             return (world, touched | jnp.any(metrics.overlaps(objects))), None
 
@@ -171,7 +168,7 @@ def _close(loop: LoopParams, course: Course, lanes: LaneTables, starts: WorldSta
 
     def one(start: WorldState) -> Any:
         log, _ = rollout(loop, course, lanes, start, n_steps)
-        return metrics.evaluate(log, loop.sim.vehicle, loop.stack.relaxation)
+        return metrics.evaluate(log, loop.vehicle, loop.stack.relaxation)
 
     return jax.vmap(one)(starts)
 

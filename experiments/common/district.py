@@ -108,7 +108,7 @@ def survey(
     every = np.unique(np.searchsorted(station, np.arange(0, min(length, float(station[-1])), float(how.spacing))))
     rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
     fine = DownsampleParams(capacity=8) if fine is None else fine
-    clear = mounted(localizer, sensor).replace(preprocess=how.preprocess, sensing_radius=how.reach)
+    clear = mounted(localizer, sensor, how.drive.period).replace(preprocess=how.preprocess, sensing_radius=how.reach)
     args = as_arrays((sensor, clear, fine))
 
     @jax.jit
@@ -132,6 +132,8 @@ def observation(scan: Scan, odometry: Odometry) -> Observation:
     return Observation(odometry=odometry, scan=scan, **nothing)
 
 
-def mounted(localizer: LidarLocalizerParams, sensor: LidarParams) -> LidarLocalizerParams:
-    """The localizer for a sensor, knowing where on the vehicle that is."""
-    return localizer.replace(mount=(sensor.x, sensor.y, sensor.z - lidar.AXLE_HEIGHT, sensor.yaw))
+def mounted(
+    localizer: LidarLocalizerParams, sensor: LidarParams, period: float | jax.Array | None
+) -> LidarLocalizerParams:
+    """The localizer for a sensor, knowing where on the vehicle that is and how often it is asked (s)."""
+    return localizer.replace(mount=sensor.mount, period=period)

@@ -20,8 +20,7 @@ from urbanjax.sim.log import Log
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
 from urbanjax.sim.scenarios.scenario import Scenario
-from urbanjax.sim.world import SimParams, WorldState
-from urbanjax.stack import StackParams
+from urbanjax.sim.world import WorldState
 from urbanjax.types import as_arrays, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -30,15 +29,12 @@ NO_CLAMP = 1e-6  # s, a least time to collision that never matters
 
 
 @pytree
-class OvertakeStudy:
+class OvertakeStudy(LoopParams):
     """Which values of tau, how many starts and for how long."""
 
-    stack: StackParams = StackParams()
-    sim: SimParams = SimParams()
     scenario: OvertakeParams = OvertakeParams()
     corridor: CorridorParams = CorridorParams()
     taus: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    period: float = 0.1  # s, of one stack step
     duration: float = static(default=20.0)  # s
     starts: int = static(default=64)
     seed: int = static(default=0)
@@ -50,15 +46,16 @@ def scene(study: OvertakeStudy) -> tuple[Course, LaneTables, Scenario]:
     graph = overtake.road(study.scenario)
     course = course_between(graph, RIGHT, RIGHT, corridor=study.corridor)
     keys = jax.random.split(jax.random.key(study.seed), study.starts)
-    scenario, sim = as_arrays((study.scenario, study.sim))
-    starts = jax.jit(jax.vmap(overtake.sample, in_axes=(0, None, None)))(keys, scenario, sim)
+    scenario, vehicle, others = as_arrays((study.scenario, study.vehicle, study.sim.traffic))
+    draw = jax.vmap(lambda key: overtake.sample(key, scenario, vehicle=vehicle, others=others))
+    starts = jax.jit(draw)(keys)
     return course, tables.from_graph(graph), starts
 
 
 def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None) -> tuple["Fig10", dict[str, float]]:
     """All rollouts of the study, in one compiled program, and the seconds that it took to compile and to run."""
     course, lanes, starts = scene(study)
-    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    loop = as_arrays(study.loop())
     clamp_time = loop.stack.behavior.gvp.clamp_time
     taus, clamps = as_arrays(jnp.asarray(study.taus)), jnp.stack([clamp_time, jnp.full_like(clamp_time, NO_CLAMP)])
     tick(f"compiling one program for {len(study.taus)} values of tau and {study.starts} starts")
@@ -71,7 +68,7 @@ def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None
     log, way, scores = jax.block_until_ready(program(loop, course, lanes, starts.world, taus, clamps))
     times = {"compile_s": compiled - began, "run_s": time.perf_counter() - compiled}
     log, way, scores = jax.device_get((log, way, scores))
-    return gather(study.taus, starts.crowded, log, way, scores, study.sim.vehicle), times
+    return gather(study.taus, starts.crowded, log, way, scores, study.vehicle), times
 
 
 def _grid(
@@ -89,7 +86,7 @@ def _grid(
         gvp = loop.stack.behavior.gvp.replace(tau=tau, clamp_time=clamp_time)
         behavior = loop.stack.behavior.replace(gvp=gvp)
         log, _ = rollout(loop.replace(stack=loop.stack.replace(behavior=behavior)), course, lanes, start, n_steps)
-        return log, metrics.progress(log), metrics.evaluate(log, loop.sim.vehicle, loop.stack.relaxation)
+        return log, metrics.progress(log), metrics.evaluate(log, loop.vehicle, loop.stack.relaxation)
 
     shape = taus.size, clamps.size, starts.time.size
     i, k, s = (index.ravel() for index in jnp.indices(shape))

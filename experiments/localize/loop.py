@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from experiments.common import district
 from experiments.common.district import World
 from urbanjax.course import Course, course_between
 from urbanjax.evaluation import metrics
@@ -85,8 +84,8 @@ def drive(
     """All rollouts, one after the other in one compiled program."""
     graph = world.course.graph
     course = course_between(graph, study.link, int(graph.predecessor[study.link, 0])).replace(map=world.course.map)
-    stack = study.stack.replace(lidar=district.mounted(localizer, sensor))
-    loop, family = as_arrays((LoopParams(stack, study.sim.replace(lidar=sensor)), study.scenario))
+    stack = study.stack.replace(lidar=localizer)
+    loop, family = as_arrays((LoopParams(sensor=sensor, stack=stack, sim=study.sim), study.scenario))
     lanes = tables.from_graph(graph)
     taus = jnp.asarray(study.taus)
     tick(f"driving {taus.size * study.starts} rollouts on poses from scans")
@@ -135,12 +134,13 @@ def _grid(
     def one(pair: tuple[Array, Array]) -> tuple:
         tau, number = pair
         mine = jax.random.fold_in(key, number)
-        start = transplant(overtake.sample(mine, family, loop.sim), lanes, jnp.asarray(link), SHIFT).world
+        straight = overtake.sample(mine, family, vehicle=loop.vehicle, others=loop.sim.traffic)
+        start = transplant(straight, lanes, jnp.asarray(link), SHIFT).world
         gvp = loop.stack.behavior.gvp.replace(tau=tau)
         stack = loop.stack.replace(behavior=loop.stack.behavior.replace(gvp=gvp))
         sensing = Sensing(surroundings, jax.random.fold_in(mine, 1))
         log, kept = rollout(loop.replace(stack=stack), course, lanes, start, n_steps, _localized, sensing)
-        result = metrics.evaluate(log, loop.sim.vehicle, stack.relaxation)
+        result = metrics.evaluate(log, loop.vehicle, stack.relaxation)
         return log.ego.position, *kept, metrics.progress(log)[-1], result
 
     tau, number = jnp.meshgrid(taus, jnp.arange(starts), indexing="ij")

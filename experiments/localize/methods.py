@@ -58,7 +58,7 @@ def compare(
     study: LocalizeStudy, world: World, tick: Callable[[str, float | None], None]
 ) -> tuple[list[Method], dict[str, LocalizedTrack]]:
     """All methods on the whole drive (or `scans` of it), and the tracks that they come from."""
-    localizer = district.mounted(study.localizer, study.world.sensor)
+    localizer = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
     last = len(world.tour.time) if not study.scans else min(study.scans, len(world.tour.time))
     tracks = {}
     for name, changes in VARIANTS.items():
@@ -72,7 +72,7 @@ def compare(
             stop_at=float(study.give_up) if changes.get("fallback") is False else None,
             tick=lambda name=name, done=done: tick(name, next(done) / last),
         )
-    return _methods(world, tracks, last, float(study.output_rate), float(localizer.period)), tracks
+    return _methods(world, tracks, last, float(study.output_rate), float(study.world.drive.period)), tracks
 
 
 def _methods(world: World, tracks: dict[str, LocalizedTrack], scans: int, rate: float, period: float) -> list[Method]:

@@ -22,7 +22,7 @@ STATED = (
 
 def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section, dict[str, LocalizedTrack]]:
     """All methods over the drive: table, figures, numbers."""
-    period = float(study.localizer.period)
+    period = float(study.world.drive.period)
     with progress.bar("localization") as tick:
         found, tracks = methods.compare(study, world, tick)
     rows = methods.table(found, period)
@@ -44,8 +44,8 @@ def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section
 
 def failures(study: LocalizeStudy, world: World, tracks: dict[str, LocalizedTrack], run: Run) -> report.Section:
     """Injected failures: what the localizer says while it is wrong, and the detector beside Eq. 8."""
-    period = float(study.localizer.period)
-    localizer = district.mounted(study.localizer, study.world.sensor)
+    period = float(study.world.drive.period)
+    localizer = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
     programs = LocalizerPrograms(world, *as_arrays((localizer, study.search, study.world.sensor)))
     total = len(faults.KINDS) * study.faults.seeds
     with progress.bar("failures") as tick:
@@ -111,7 +111,7 @@ def write(params: LocalizeStudy, run: Run) -> None:
             world = district.build(params.world, params.localizer, tick, params.map)
         if not params.map:
             pointmap.save(run.path("map.npz"), world.points)
-        faults.checked(params.faults, world.tour, float(params.localizer.period))
+        faults.checked(params.faults, world.tour, float(params.world.drive.period))
         loop.checked(params.loop, world.course.graph)
         section, tracks = table2(params, world, run)
         sections = [section]

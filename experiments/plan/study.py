@@ -22,7 +22,7 @@ from urbanjax.sim import world as worlds
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
-from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
 
@@ -30,19 +30,16 @@ QUICK = {"xla_backend_optimization_level": 1}
 
 
 @pytree
-class PlanStudy:
+class PlanStudy(LoopParams):
     """The moment: some seconds into an overtaking scene, or into a recorded one."""
 
-    stack: StackParams = StackParams()
-    sim: SimParams = SimParams()
     scenario: OvertakeParams = OvertakeParams()
     corridor: CorridorParams = CorridorParams()
-    period: float = 0.1  # s, of one stack step
     time: float = field(default=2.0, metadata={"range": (0.0, 1e3)})  # s driven before
     temperature: float = 2.0  # of the soft plan whose marginals are drawn
     seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
     file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
-    vehicle: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first
+    ego: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,15 +59,16 @@ def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
     """Drive up to the moment and plan there, hard and soft."""
     tick("scene")
     loop, course, lanes, world = _scene(study)
+    params, sim = loop.handed_down()
     step = jax.jit(stack.step, compiler_options=QUICK)
-    observe, advance = jax.jit(worlds.observe), jax.jit(worlds.step)
-    state = stack.init(loop.stack, course, world.ego.pose)
+    observe, advance = jax.jit(lambda world: worlds.observe(sim, lanes, world=world)), jax.jit(worlds.step)
+    state = stack.init(params, course, world.ego.pose)
     for k in range(round(float(study.time) / float(study.period))):
         tick(f"driving, {k * float(study.period):.1f} s")
-        command, state, _ = step(loop.stack, course, state, observe(loop.sim, lanes, world))
-        world = advance(loop.sim, lanes, world, command, loop.period)
+        command, state, _ = step(params, course, state, observe(world))
+        world = advance(sim, lanes, world, command, loop.period)
     tick("planning")
-    seen, params = observe(loop.sim, lanes, world), loop.stack
+    seen = observe(world)
     make = jax.jit(_plan, compiler_options=QUICK)
     modes = (Relaxation(), Relaxation(float(study.temperature), mode="soft"))
     (road, future, hard), (_, _, soft) = (make(params, course, state, seen, world, as_arrays(mode)) for mode in modes)
@@ -81,26 +79,26 @@ def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
 
 
 def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState]:
-    loop = as_arrays(LoopParams(study.stack, study.sim, study.period))
+    loop = as_arrays(study.loop())
     if not study.file:
         graph = overtake.road(study.scenario)
-        scenario, sim = as_arrays((study.scenario, study.sim))
-        start = jax.jit(overtake.sample)(jax.random.key(study.seed), scenario, sim)
+        scenario = as_arrays(study.scenario)
+        draw = jax.jit(lambda key: overtake.sample(key, scenario, vehicle=loop.vehicle, others=loop.sim.traffic))
+        start = draw(jax.random.key(study.seed))
         return loop, course_between(graph, RIGHT, RIGHT, corridor=study.corridor), tables.from_graph(graph), start.world
     road = maps.read(Path(study.file))
     if road.recording is None:
         raise ConfigError(f"{study.file} holds no recorded traffic: choose another 'file'")
     scene = scenes.prepare(road.path.stem, road.graph, road.recording, study.corridor, 1.0)
-    names, wanted = [start.name for start in scene.starts], str(study.vehicle)
-    if study.vehicle and wanted not in names:
-        raise ConfigError(f"'vehicle' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")
-    k = names.index(wanted) if study.vehicle else 0
+    names, wanted = [start.name for start in scene.starts], str(study.ego)
+    if study.ego and wanted not in names:
+        raise ConfigError(f"'ego' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")
+    k = names.index(wanted) if study.ego else 0
     lanes = tables.from_graph(scene.graph)
     corridor, world, vehicle = jax.tree.map(
         lambda x: x[k], (scene.corridor, drive.worlds_of(loop, scene), scene.vehicle)
     )
-    loop = loop.replace(stack=loop.stack.replace(vehicle=vehicle), sim=loop.sim.replace(vehicle=vehicle))
-    return loop, Course(scene.graph, corridor), lanes, world
+    return loop.replace(vehicle=vehicle), Course(scene.graph, corridor), lanes, world
 
 
 def _plan(

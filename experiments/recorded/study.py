@@ -9,8 +9,6 @@ from urbanjax.io import maps
 from urbanjax.io.files import data_folder
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams
-from urbanjax.sim.world import SimParams
-from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, field, pytree, static
 
 EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
@@ -18,13 +16,10 @@ NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lan
 
 
 @pytree
-class RecordedStudy:
+class RecordedStudy(LoopParams):
     """The stack in the place of every recorded driver of some CommonRoad files."""
 
-    stack: StackParams = StackParams()
-    sim: SimParams = SimParams()
     corridor: CorridorParams = CorridorParams()
-    period: float = 0.1  # s, of one stack step
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
     folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
     egos: str = static(default="vehicles", metadata={"choices": EGOS})
@@ -51,10 +46,10 @@ def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tup
         raise ConfigError(f"{path} holds no recorded traffic: choose other 'files'")
     if abs(road.recording.dt - float(study.period)) > 1e-6:
         raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
-    vehicle = study.stack.vehicle
+    vehicle = study.vehicle
     if study.egos == "problems":
         scene = problems(path.stem, road.graph, road.recording, road.problems, study.corridor, vehicle)
     else:
         scene = prepare(path.stem, road.graph, road.recording, study.corridor, float(study.shortest), vehicle)
     tick(f"{path.stem}: {len(scene.starts)} drives")
-    return scene, drive(LoopParams(study.stack, study.sim, study.period), scene)
+    return scene, drive(study.loop(), scene)

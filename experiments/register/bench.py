@@ -94,17 +94,15 @@ class BenchPrograms:
 class Bench:
     """The stretch, its maps as distributions, and what is done with scans."""
 
-    def __init__(self, stretch: Stretch, localizer: LidarLocalizerParams, sensor: LidarParams, neighbours: int):
+    def __init__(
+        self, stretch: Stretch, localizer: LidarLocalizerParams, sensor: LidarParams, neighbours: int, period: float
+    ):
+        """Args: period [s], between two scans."""
         self.stretch, self.programs = stretch, BenchPrograms()
-        self.localizer, self.sensor = as_arrays((mounted(localizer, sensor), sensor))
-        self.neighbours = neighbours
+        self.localizer, self.sensor = as_arrays((mounted(localizer, sensor, period), sensor))
+        self.neighbours, self.period = neighbours, float(period)
         self._maps: dict[tuple[str, float], VoxelMap] = {}
         self._sizes: dict[tuple[str, float, float], CutParams] = {}
-
-    @property
-    def period(self) -> float:
-        """Seconds between two scans."""
-        return float(self.localizer.period)
 
     def look(self, k: int, key: Array, aside: tuple[float, float] = (0.0, 0.0)) -> Seen:
         """The scan at step k of the drive. Args: aside, moved to the left (m) and turned (rad)."""

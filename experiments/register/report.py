@@ -148,7 +148,7 @@ def write(study: RegisterStudy, run: Run) -> None:
     factorial.checked(study.factorial)
     with progress.bar("world") as tick:
         world = stretch.build(study.world, study.localizer, tick)
-    bench = Bench(world, study.localizer, study.world.sensor, study.neighbours)
+    bench = Bench(world, study.localizer, study.world.sensor, study.neighbours, float(study.world.drive.period))
     sections = []
     for part in (table1, full, covariance):
         began = time.perf_counter()

@@ -12,6 +12,7 @@ from urbanjax.vehicle.params import VehicleParams
 HARD, VEHICLE = Relaxation(), VehicleParams()
 evaluate = jax.jit(metrics.evaluate)
 record = jax.jit(logs.record)
+STILL = Command(jnp.zeros(()), jnp.zeros(()))
 score = jax.jit(scores.score)
 L, W = VEHICLE.length, VEHICLE.width
 
@@ -135,7 +136,7 @@ def test_overlaps_of_all_pairs():
 
 def test_record_measures_lane_and_road(road):
     world = road.world(road.traffic(), ego_x=50.0, ego_y=0.6, ego_speed=8.0, heading=0.1)
-    entry = record(road.params, road.lanes, world, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, world=world, command=STILL)
     half = L / 2 - 0.95
     y = 0.6 + half * np.sin(0.1)
     np.testing.assert_allclose(entry.offset, y, atol=1e-5)
@@ -144,10 +145,10 @@ def test_record_measures_lane_and_road(road):
     np.testing.assert_allclose(entry.road_margin, lowest + 1.75, atol=1e-4)
     # Crossing the line between the lanes leaves the road's edge as far away as it was.
     middle = road.world(road.traffic(), ego_x=50.0, ego_y=1.75)
-    entry = record(road.params, road.lanes, middle, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, world=middle, command=STILL)
     np.testing.assert_allclose(entry.road_margin, 3.5 - W / 2, atol=1e-4)
     outside = road.world(road.traffic(), ego_x=50.0, ego_y=-1.2)
-    entry = record(road.params, road.lanes, outside, Command(jnp.asarray(0.0), jnp.asarray(0.0)))
+    entry = record(road.params, road.lanes, world=outside, command=STILL)
     np.testing.assert_allclose(entry.road_margin, 1.75 - 1.2 - W / 2, atol=1e-4)
 
 

@@ -18,8 +18,7 @@ from experiments.register.pair import PairParams
 from experiments.register.rows import PAPER, STARTS, RowTrack
 from experiments.register.study import RegisterStudy
 from tests.conftest import REPOSITORY
-from urbanjax.io.runs import config
-from urbanjax.types import ConfigError
+from urbanjax.types import ConfigError, config
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,8 @@ from experiments.common.overtaking import Fig10
 from experiments.highway import study as highway
 from experiments.overtake import figures as overtake_figures
 from urbanjax.io.bridges.highway.episode import Episode
-from urbanjax.io.runs import config
 from urbanjax.roadmap.builders import straight
-from urbanjax.types import ConfigError
+from urbanjax.types import ConfigError, config
 from urbanjax.vehicle.params import VehicleParams
 
 

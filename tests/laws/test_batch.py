@@ -40,9 +40,10 @@ def test_nothing_compiles_after_the_first_step():
     params = as_arrays(loop_params())
     course, lanes, starts = map(as_arrays, overtake_scene(params, 2))
     first, second = (jax.tree.map(lambda x, i=i: x[i], starts) for i in range(2))
+    driver, sim = params.handed_down()
     begin, step = jax.jit(stack.init), jax.jit(stack.step)
-    move = jax.jit(lambda now, command: world.step(params.sim, lanes, now, command, params.period))
-    see = jax.jit(lambda now: world.observe(params.sim, lanes, now))
+    move = jax.jit(lambda now, command: world.step(sim, lanes, now, command, params.period))
+    see = jax.jit(lambda now: world.observe(sim, lanes, world=now))
     compiled = []
 
     def count(event: str, duration: float, **_: object) -> None:
@@ -50,9 +51,9 @@ def test_nothing_compiles_after_the_first_step():
             compiled.append(event)
 
     def drive(now, n_steps: int) -> None:
-        state = begin(params.stack, course, now.ego.pose)
+        state = begin(driver, course, now.ego.pose)
         for _ in range(n_steps):
-            command, state, _ = step(params.stack, course, state, see(now))
+            command, state, _ = step(driver, course, state, see(now))
             now = move(now, command)
 
     jax.monitoring.register_event_duration_secs_listener(count)

@@ -20,7 +20,8 @@ from urbanjax.types import Observation, Odometry, VehicleState, as_arrays
 
 SENSOR = LidarParams(pattern="vlp_16", columns=256, nearby=48, noise=0.02, dropout=0.05, max_range=60.0)
 LOCALIZER = LidarLocalizerParams(
-    mount=(SENSOR.x, SENSOR.y, SENSOR.z - lidar.AXLE_HEIGHT, 0.0),
+    mount=SENSOR.mount,
+    period=0.1,
     preprocess=PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=2048)),
     sliding=SlidingParams(smallest=50.0, standing=50.0, cut=CutParams(capacity=12288, shape=(128, 128, 16))),
     odometry=OdometryParams(map=MapParams(shape=(128, 128, 16)), keyframes=3),

@@ -9,8 +9,10 @@ from urbanjax.roadmap.builders import straight
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import world as worlds
 from urbanjax.sim.agents import Traffic
+from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.scenarios.scenario import no_signals
 from urbanjax.types import Command, VehicleState, as_arrays
+from urbanjax.vehicle.params import VehicleParams
 
 LIMIT = 50 / 3.6
 V = 8
@@ -24,7 +26,7 @@ class Road:
     def __init__(self):
         self.graph = straight(2, 1000.0, 3.5, LIMIT, section=250.0)
         self.lanes = roads.from_graph(self.graph)
-        self.params = as_arrays(worlds.SimParams())
+        self.params = as_arrays(worlds.SimParams(vehicle=VehicleParams(), lidar=LidarParams()))
         self.step = jax.jit(worlds.step)
 
     def place(self, x, lane):

@@ -51,13 +51,13 @@ def test_the_ego_sees_recorded_traffic_and_simulated_traffic(road):
     world = road.world(road.traffic({"x": 520.0, "lane": 0, "speed": 10.0}), ego_x=500.0)
     seen = recorded(np.ones((4, 2)))
     shifted = seen.replace(position=seen.position + jnp.asarray([[[510.0, 0.0]]]))
-    both = worlds.observe(road.params, road.lanes, world.replace(replay=shifted)).objects
-    alone = worlds.observe(road.params, road.lanes, world).objects
+    both = worlds.observe(road.params, road.lanes, world=world.replace(replay=shifted)).objects
+    alone = worlds.observe(road.params, road.lanes, world=world).objects
     assert int(alone.valid.sum()) == 1
     assert int(both.valid.sum()) == 3
     np.testing.assert_allclose(both.position[0], [510, 0], atol=1e-4)
     after = road.step(road.params, road.lanes, world.replace(replay=shifted), as_arrays(Command(0.0, 0.0)), 0.5)
-    moved = worlds.everybody(road.params, road.lanes, after)
+    moved = worlds.everybody(road.params, road.lanes, world=after)
     np.testing.assert_allclose(moved.position[-2], [515, 0], atol=1e-4)
 
 

@@ -26,7 +26,7 @@ def test_nearest_objects_are_observed_nearest_first(road):
     params = road.params.replace(n_objects=3)
     vehicles = [NEAR | {"x": x} for x in (180.0, 130.0, 105.0, 60.0, 260.0)]
     world = road.world(road.traffic(*vehicles), ego_x=100.0, ego_speed=9.0)
-    seen = worlds.observe(params, road.lanes, world).objects
+    seen = worlds.observe(params, road.lanes, world=world).objects
     np.testing.assert_allclose(seen.position[:, 0], [105.0, 130.0, 60.0], atol=1e-3)
     np.testing.assert_allclose(seen.speed, 8.0)
     assert bool(seen.valid.all())
@@ -34,7 +34,7 @@ def test_nearest_objects_are_observed_nearest_first(road):
 
 def test_objects_out_of_range_or_absent_are_invalid_and_padded(road):
     world = road.world(road.traffic(NEAR | {"x": 150.0}, NEAR | {"x": 400.0}), ego_x=100.0)
-    seen = worlds.observe(road.params, road.lanes, world).objects
+    seen = worlds.observe(road.params, road.lanes, world=world).objects
     assert seen.position.shape == (16, 2)
     assert np.asarray(seen.valid).tolist() == [True] + [False] * 15
     assert np.all(np.isfinite(np.asarray(seen.position)))
@@ -47,7 +47,7 @@ def test_observation_reports_pose_odometry_and_signals(road):
         ego=world.ego.replace(steering=jnp.asarray(0.1)),
         signals=worlds.SignalProgram(60 * one, 0 * one, 0.5 * one, one),
     )
-    seen = worlds.observe(road.params, road.lanes, world)
+    seen = worlds.observe(road.params, road.lanes, world=world)
     np.testing.assert_allclose(seen.pose.translation(), [30.0, 1.0], rtol=1e-6)
     np.testing.assert_allclose(seen.odometry.yaw_rate, 6.0 * np.tan(0.1) / 2.8, rtol=1e-5)
     assert int(seen.signals.state[0]) == SignalState.GREEN
@@ -72,7 +72,7 @@ def test_step_is_differentiable_in_the_ego(road):
                 return worlds.step(params, lanes, world, command, jnp.asarray(0.1), soft), None
 
             world, _ = jax.lax.scan(advance, world, None, length=3)
-            seen = worlds.observe(params, lanes, world)
+            seen = worlds.observe(params, lanes, world=world)
             return jnp.sum(seen.objects.position[:, 0]) + jnp.sum(world.traffic.speed) + world.ego.position[1]
 
         origin = jnp.asarray([0.0, 0.0, 0.0, 0.1, 0.01])

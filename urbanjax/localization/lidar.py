@@ -20,7 +20,7 @@ from urbanjax.registration.linear import FactorParams
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.locate import locate
-from urbanjax.types import Observation, Scan, ScenarioError, pytree, static
+from urbanjax.types import HANDED_DOWN, Observation, Scan, ScenarioError, field, pytree, static
 
 STARTS = ("predict_on_failure", "always_predict", "previous")
 PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
@@ -34,8 +34,10 @@ AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02
 class LidarLocalizerParams:
     """From a scan to a pose."""
 
-    # T_body_lidar: x, y, z (m) from the centre of the rear axle, and yaw (rad).
-    mount: tuple[float, float, float, float] = (1.2, 0.0, 1.9 - AXLE_HEIGHT, 0.0)
+    mount: tuple[float, float, float, float] = field(
+        default=None, metadata=HANDED_DOWN
+    )  # of the LiDAR: x, y, z (m) above the ground, yaw (rad)
+    period: float = field(default=None, metadata=HANDED_DOWN)  # s, between two steps
     preprocess: PreprocessParams = PreprocessParams(
         downsample=DownsampleParams(resolution=0.8, capacity=8192), features=FeatureParams(edges=True)
     )
@@ -46,7 +48,6 @@ class LidarLocalizerParams:
     health: HealthParams = HealthParams()
     covariance_scale: float = 300.0  # s^2, by which the sandwich is multiplied, calibrated in experiments.register
     drift: float = 0.01  # standard deviation that odometry adds in 1 m: so many m, and a tenth of it in rad
-    period: float = 0.1  # s, between two steps
     start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
     fallback: bool = static(default=True)  # the prediction replaces a failed registration
 
@@ -98,7 +99,7 @@ def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[F
     if not isinstance(scan, Scan):
         raise ScenarioError("localizer 'lidar' needs observation.scan; give it, or choose another localizer")
     x, y, z, yaw = (jnp.asarray(value, scan.position.dtype) for value in params.mount)
-    mount = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z]))
+    mount = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z - AXLE_HEIGHT]))
     points = motion.deskew(scan, mount, observation.odometry)
     # Beyond the window of the map a point could not be explained, and would count against the registration.
     reach = jnp.minimum(params.sensing_radius, sliding.radius(observation.odometry.speed, params.sliding) - MARGIN)

@@ -12,7 +12,7 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.sim.scenery.scenery import Scenery
-from urbanjax.types import Objects, Scan, VehicleState, pytree, static
+from urbanjax.types import Mount, Objects, Scan, VehicleState, pytree, static
 
 # Elevations of the rings [degrees], from the top.
 PATTERNS = {
@@ -44,6 +44,11 @@ class LidarParams:
     columns: int = static(default=1024)  # of one turn
     nearby: int = static(default=160)  # prisms that are looked at in one sweep, the nearest ones
     layers: int = static(default=8)  # footprints that a column can meet, the first ones
+
+    @property
+    def mount(self) -> Mount:
+        """Its place on the vehicle."""
+        return self.x, self.y, self.z, self.yaw
 
 
 def front_pair() -> tuple[LidarParams, LidarParams]:

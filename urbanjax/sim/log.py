@@ -9,9 +9,8 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import reaction
 from urbanjax.sim.lanes import LaneTables
-from urbanjax.sim.world import HARD, SimParams, WorldState, everybody
+from urbanjax.sim.world import HARD, SimParams, Snapshot, WorldState, look
 from urbanjax.types import Command, Objects, VehicleState, pytree
-from urbanjax.vehicle.model import box_centre
 
 EDGE = 0.2  # m, natural scale of the choice of edge and corner for the relaxation
 
@@ -31,14 +30,23 @@ class Log:
 
 
 def record(
-    params: SimParams, lanes: LaneTables, world: WorldState, command: Command, relaxation: Relaxation = HARD
+    params: SimParams,
+    lanes: LaneTables,
+    *,
+    world: WorldState,
+    command: Command,
+    relaxation: Relaxation = HARD,
+    seen: Snapshot | None = None,
 ) -> Log:
-    """The world now, and the command given in it. The relaxation is that of `road_margin`."""
+    """The world now, and the command given in it.
+
+    Args: lanes, of the road; world, now; command, of the ego; relaxation, of `road_margin`; seen, the look at the world
+    where it was already taken.
+    """
     ego, vehicle = world.ego, params.vehicle
-    centre = box_centre(ego, vehicle)
-    link = reaction.own_link(lanes, world.ego_link, centre, ego.heading)
-    links, exists = reaction.around(lanes.graph, link)
-    place = roads.place(lanes, links, centre)
+    seen = look(params, lanes, world=world) if seen is None else seen
+    links, exists = reaction.around(lanes.graph, seen.ego_link)
+    place = roads.place(lanes, links, seen.centre)
     error = ego.heading - place.heading
     left, right = _edges(place, error, 0.5 * lanes.width[links], exists, relaxation)
     aside, ahead = 0.5 * vehicle.width * jnp.cos(error[0]), 0.5 * vehicle.length * jnp.sin(error[0])
@@ -47,11 +55,11 @@ def record(
         time=world.time,
         ego=ego,
         command=command,
-        centre=centre,
+        centre=seen.centre,
         along=ego.speed * jnp.cos(error[0]),
         offset=place.offset[0],
         road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, EDGE),
-        traffic=everybody(params, lanes, world),
+        traffic=seen.others,
     )
 
 

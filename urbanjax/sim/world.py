@@ -16,7 +16,18 @@ from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.replay import Replay
 from urbanjax.sim.scenery.scenery import Scenery
 from urbanjax.sim.signals import SignalProgram
-from urbanjax.types import Command, Objects, Observation, Odometry, VehicleState, pytree, static
+from urbanjax.types import (
+    HANDED_DOWN,
+    Command,
+    Objects,
+    Observation,
+    Odometry,
+    Signals,
+    VehicleState,
+    field,
+    pytree,
+    static,
+)
 from urbanjax.vehicle.following import free_acceleration
 from urbanjax.vehicle.model import bicycle_step, box_centre
 from urbanjax.vehicle.params import VehicleParams
@@ -28,10 +39,10 @@ HARD = Relaxation()
 class SimParams:
     """Parameters of the simulator."""
 
-    vehicle: VehicleParams = VehicleParams()  # the ego
+    vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)  # the ego
+    lidar: LidarParams = field(default=None, metadata=HANDED_DOWN)  # of an ego that finds its pose from scans
     traffic: TrafficParams = TrafficParams()
     reaction: ReactionParams = ReactionParams()
-    lidar: LidarParams = LidarParams()
     range: float = 100.0  # m, within which the ego perceives objects
     n_objects: int = static(default=16)  # the nearest ones are observed
     substeps: int = static(default=2)  # per policy step; a substep should not exceed 0.05 s
@@ -51,6 +62,27 @@ class WorldState:
     replay: Replay | None = None  # recorded road users; simulated traffic does not see them
 
 
+@pytree
+class Snapshot:
+    """One look at the world: what observing, recording and stepping it all need."""
+
+    centre: Array  # [2] m, of the ego's box
+    ego_link: Array  # [] int32, the link that the ego is on now
+    others: Objects  # [V] all other road users, simulated and recorded
+    signals: Signals
+
+
+def look(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Snapshot:
+    """What there is to see of the world now; done once per policy step. Args: lanes, of the road; world, now."""
+    centre = box_centre(world.ego, params.vehicle)
+    return Snapshot(
+        centre=centre,
+        ego_link=reaction.own_link(lanes, world.ego_link, centre, world.ego.heading),
+        others=everybody(params, lanes, world=world),
+        signals=signals.show(world.signals, world.time),
+    )
+
+
 def step(
     params: SimParams,
     lanes: LaneTables,
@@ -58,20 +90,23 @@ def step(
     command: Command,
     dt: float | Float[Array, ""],
     relaxation: Relaxation = HARD,
+    seen: Snapshot | None = None,
 ) -> WorldState:
     """World after one policy step of `dt` s under a constant command.
 
     Once per step: lane changes, right of way, signals, and where the ego is. In each substep: everybody's following
     (IDM) and motion. Differentiable with respect to the ego's state and command; who leads whom, lane changes and
-    signals are hard choices. The relaxation is that of the traffic's reaction to the ego.
+    signals are hard choices. Args: lanes, of the road; world, now; command, of the ego; relaxation, of the traffic's
+    reaction to the ego; seen, the look at the world where it was already taken.
     """
-    traffic, seen, ego_link, held = _decide(params, lanes, world)
+    seen = look(params, lanes, world=world) if seen is None else seen
+    traffic, ego_presence, held = _decide(params, lanes, world, seen)
     small = dt / params.substeps
 
     def substep(carry: tuple, _: None) -> tuple[tuple, None]:
-        ego, traffic, seen, travelled = carry
+        ego, traffic, presence, travelled = carry
         chain = agents.chain_of(lanes, traffic, params.traffic)
-        to_ego = reaction.braking(seen, traffic, chain, params.traffic, params.reaction, relaxation)
+        to_ego = reaction.braking(presence, traffic, chain, params.traffic, params.reaction, relaxation)
         to_stop = agents.stop_braking(traffic, held.distance - travelled, params.traffic)
         strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
         wanted = agents.follow(lanes, traffic, chain, strongest, params.traffic)
@@ -79,11 +114,11 @@ def step(
         traffic = agents.move(lanes, traffic, wanted, params.traffic, small)
         ego = bicycle_step(ego, command, params.vehicle, small)
         travelled = travelled + 0.5 * (before + traffic.speed) * small
-        return (ego, traffic, reaction.advance(seen, small), travelled), None
+        return (ego, traffic, reaction.advance(presence, small), travelled), None
 
-    start = (world.ego, traffic, seen, jnp.zeros_like(traffic.speed))
+    start = (world.ego, traffic, ego_presence, jnp.zeros_like(traffic.speed))
     (ego, traffic, *_), _ = jax.lax.scan(substep, start, None, length=params.substeps, unroll=1)
-    return world.replace(ego=ego, ego_link=ego_link, traffic=traffic, time=world.time + dt, count=world.count + 1)
+    return world.replace(ego=ego, ego_link=seen.ego_link, traffic=traffic, time=world.time + dt, count=world.count + 1)
 
 
 @pytree
@@ -94,19 +129,18 @@ class Held:
     braking: Array  # [V] m/s^2, towards the leader in a lane being left
 
 
-def _decide(params: SimParams, lanes: LaneTables, world: WorldState) -> tuple[Traffic, Presence, Array, Held]:
-    """The choices of one policy step: traffic with begun changes, the ego's presence and its link."""
+def _decide(params: SimParams, lanes: LaneTables, world: WorldState, seen: Snapshot) -> tuple[Traffic, Presence, Held]:
+    """The choices of one policy step: traffic with begun changes, the ego's presence, what holds traffic back."""
     p, traffic, ego = params.traffic, world.traffic, world.ego
-    ego_link = reaction.own_link(lanes, world.ego_link, box_centre(ego, params.vehicle), ego.heading)
-    seen = reaction.presence(lanes, ego_link, ego, params.vehicle, params.reaction)
-    drivers = _drivers(lanes, traffic, seen, p)
-    held = _holds(lanes, world, drivers, p)
+    presence = reaction.presence(lanes, seen.ego_link, ego, params.vehicle, params.reaction)
+    drivers = _drivers(lanes, traffic, presence, p)
+    held = _holds(lanes, seen.signals, drivers, p)
     if params.lane_changes:
         left = world.count % 2 == 0
         traffic, held_braking = mobil.decide(lanes, traffic, drivers, left, p)
     else:
         held_braking = jnp.zeros_like(traffic.speed)
-    return traffic, seen, ego_link, Held(held, held_braking)
+    return traffic, presence, Held(held, held_braking)
 
 
 def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
@@ -143,16 +177,15 @@ def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: Traffi
     return mobil.Drivers(bodies, chain, route, exists, free, headway)
 
 
-def _holds(lanes: LaneTables, world: WorldState, drivers: mobil.Drivers, params: TrafficParams) -> Array:
+def _holds(lanes: LaneTables, shown: Signals, drivers: mobil.Drivers, params: TrafficParams) -> Array:
     """Distance to where each vehicle has to stop [V] m: red signal, end of the lane, right of way."""
-    v, bodies, chain = world.traffic.link.shape[0], drivers.bodies, drivers.chain
-    shown = signals.show(world.signals, world.time)
+    bodies, chain = drivers.bodies, drivers.chain
     red = priority.red_distance(lanes.graph, shown, chain, bodies.half, bodies.speed, params.idm.deceleration)
     end = priority.end_distance(lanes, chain, bodies.half)
     way = priority.yield_distance(
         lanes, bodies, chain, red < 0.5 * FAR, params.patience, params.conflict_range, params.idm.deceleration
     )
-    return jnp.minimum(jnp.minimum(red, end), way)[:v]
+    return jnp.minimum(jnp.minimum(red, end), way)[:-1]
 
 
 @pytree
@@ -163,34 +196,42 @@ class Sensing:
     key: Array  # of the noise
 
 
-def observe(params: SimParams, lanes: LaneTables, world: WorldState, sensing: Sensing | None = None) -> Observation:
+def observe(
+    params: SimParams,
+    lanes: LaneTables,
+    *,
+    world: WorldState,
+    seen: Snapshot | None = None,
+    sensing: Sensing | None = None,
+) -> Observation:
     """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals.
 
-    With `sensing` it is not told its pose, but given a scan of its LiDAR.
+    With `sensing` it is not told its pose, but given a scan of its LiDAR. Args: lanes, of the road; world, now; seen,
+    the look at it where it was already taken; sensing, what its LiDAR meets beyond the road users.
     """
     ego = world.ego
+    seen = look(params, lanes, world=world) if seen is None else seen
     odometry = Odometry(
         ego.speed,
         ego.acceleration,
         ego.steering,
         ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase,
     )
-    vehicles = everybody(params, lanes, world)
     scan = None
     if sensing is not None:
         key = jax.random.fold_in(sensing.key, world.count)
-        scan = sweep(params.lidar, sensing.surroundings, vehicles, ego, odometry.yaw_rate, key)
+        scan = sweep(params.lidar, sensing.surroundings, seen.others, ego, odometry.yaw_rate, key)
     return Observation(
         odometry=odometry,
-        objects=nearest_objects(params, vehicles, ego),
-        signals=signals.show(world.signals, world.time),
+        objects=nearest_objects(params, seen.others, centre=seen.centre),
+        signals=seen.signals,
         pose=ego.pose if sensing is None else None,
         scan=scan,
     )
 
 
-def everybody(params: SimParams, lanes: LaneTables, world: WorldState) -> Objects:
-    """All other road users, simulated and recorded."""
+def everybody(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Objects:
+    """All other road users [V], simulated and recorded. Args: lanes, of the road; world, now."""
     vehicles = agents.objects(lanes, world.traffic, params.traffic)
     if world.replay is None:
         return vehicles
@@ -198,9 +239,12 @@ def everybody(params: SimParams, lanes: LaneTables, world: WorldState) -> Object
     return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), vehicles, recorded)
 
 
-def nearest_objects(params: SimParams, objects: Objects, ego: VehicleState) -> Objects:
-    """The nearest valid objects within range, nearest first, padded to `n_objects`."""
-    distance = safe.norm(objects.position - box_centre(ego, params.vehicle)[None, :])
+def nearest_objects(params: SimParams, objects: Objects, *, centre: Float[Array, "2"]) -> Objects:
+    """The nearest valid objects within range, nearest first, padded to `n_objects`.
+
+    Args: objects [V]; centre [2] m, of the ego's box.
+    """
+    distance = safe.norm(objects.position - centre[None, :])
     inside = objects.valid & (distance < params.range)
     distance = jax.lax.stop_gradient(jnp.where(inside, distance, FAR))
     objects = objects.replace(valid=inside)

@@ -12,18 +12,21 @@ from urbanjax.types.errors import (
 from urbanjax.types.objects import Objects, Prediction
 from urbanjax.types.observation import Observation
 from urbanjax.types.path import Path
-from urbanjax.types.scan import Scan
+from urbanjax.types.scan import Mount, Scan
 from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
 from urbanjax.types.status import Decision, RouteStatus
-from urbanjax.types.struct import as_arrays, field, pytree, static
+from urbanjax.types.struct import HANDED_DOWN, as_arrays, field, pytree, static
+from urbanjax.types.values import batched_values, with_values
 
 __all__ = [
+    "HANDED_DOWN",
     "CloudError",
     "Command",
     "ConfigError",
     "Decision",
     "FileError",
+    "Mount",
     "Objects",
     "Observation",
     "Odometry",
@@ -39,7 +42,9 @@ __all__ = [
     "UrbanJaxError",
     "VehicleState",
     "as_arrays",
+    "batched_values",
     "field",
     "pytree",
     "static",
+    "with_values",
 ]

@@ -4,6 +4,9 @@ from jax import Array
 
 from urbanjax.types.struct import pytree
 
+Number = float | Array
+Mount = tuple[Number, Number, Number, Number]  # x, y, z (m) above the ground and yaw (rad), from the rear axle
+
 
 @pytree
 class Scan:

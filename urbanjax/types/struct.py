@@ -16,6 +16,11 @@ def static(**kwargs: Any) -> Any:
     return flax.struct.field(pytree_node=False, **kwargs)
 
 
+# Of a field that whoever holds the params fills in: None until then, and no key of a config. What several parts have to
+# agree on (the vehicle, the period, where a sensor is mounted) is said once, above them.
+HANDED_DOWN = {"handed_down": True}
+
+
 @dataclass_transform(field_specifiers=(flax.struct.field, static))
 def pytree(cls: type[T]) -> type[T]:
     """A frozen dataclass that is a pytree and has `.replace(**changes)`.

@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from urbanjax.io.logs import LogFormat
-from urbanjax.io.runs.config import to_params
+from urbanjax.types.config import to_params
 
 OPENACC = {
     "columns": {"time": "Time", "x": "E{i}", "y": "N{i}", "speed": "Speed{i}"},

@@ -11,8 +11,8 @@ from tests.io.logs import formats
 from tests.io.logs.formats import F1, LONG, OPENACC, csv_text, drive, form, write
 from urbanjax.io import logs
 from urbanjax.io.logs import LogError, LogFormat, agreement
-from urbanjax.io.runs.config import schema, to_params
 from urbanjax.types import ConfigError
+from urbanjax.types.config import schema, to_params
 
 PLAIN = {"columns": {"time": "time", "x": "x", "y": "y", "speed": "speed"}}
 

@@ -10,8 +10,9 @@ from urbanjax.sim import world as worlds
 from urbanjax.sim.scenarios import circulate, follow, overtake
 from urbanjax.types import Command, as_arrays
 from urbanjax.vehicle.model import box_centre
+from urbanjax.vehicle.params import VehicleParams
 
-SIM = as_arrays(worlds.SimParams())
+SIM = as_arrays(worlds.SimParams(vehicle=VehicleParams()))
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,9 @@ def starts():
         lanes = roads.from_graph(module.road(params))
         keys = jax.random.split(jax.random.key(0), 512)
         ranges = as_arrays(params)
-        sample = jax.jit(jax.vmap(lambda key, m=module, p=ranges: m.sample(key, p, SIM)))
+        sample = jax.jit(
+            jax.vmap(lambda key, m=module, p=ranges: m.sample(key, p, vehicle=SIM.vehicle, others=SIM.traffic))
+        )
         out[module] = lanes, sample(keys), params
     return out
 
@@ -90,7 +93,7 @@ def test_leader_keeps_its_speed_even_with_the_ego_before_it(starts):
 def test_equal_keys_give_equal_starts(starts):
     params = overtake.OvertakeParams()
     key = jax.random.split(jax.random.key(0), 512)[7]
-    again = overtake.sample(key, params, worlds.SimParams())
+    again = overtake.sample(key, params, vehicle=VehicleParams(), others=worlds.SimParams().traffic)
     stored = jax.tree.map(lambda x: x[7], starts[overtake][1])
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(stored), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5)
@@ -99,7 +102,7 @@ def test_equal_keys_give_equal_starts(starts):
 def test_circulating_traffic_starts_apart_on_the_open_road():
     params = circulate.CirculateParams()
     lanes = roads.from_graph(circulate.road(params))
-    scenario = jax.jit(lambda key: circulate.sample(key, params, SIM, lanes))(jax.random.key(1))
+    scenario = jax.jit(lambda key: circulate.sample(key, params, others=SIM.traffic, lanes=lanes))(jax.random.key(1))
     traffic = scenario.world.traffic
     assert bool(traffic.valid.all())
     assert traffic.link.shape == (params.n_vehicles,)

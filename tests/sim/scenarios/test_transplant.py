@@ -12,6 +12,7 @@ from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.world import SimParams
 from urbanjax.types import as_arrays
+from urbanjax.vehicle.params import VehicleParams
 
 LINK = 82
 
@@ -19,8 +20,8 @@ LINK = 82
 def test_everybody_keeps_place_relative_to_the_ego():
     graph = district()
     lanes, straight = tables.from_graph(graph), tables.from_graph(overtake.road(OvertakeParams()))
-    family, params = as_arrays((OvertakeParams(crowded=1.0), SimParams()))
-    start = overtake.sample(jax.random.key(3), family, params)
+    family, params = as_arrays((OvertakeParams(crowded=1.0), SimParams(vehicle=VehicleParams())))
+    start = overtake.sample(jax.random.key(3), family, vehicle=params.vehicle, others=params.traffic)
     moved = jax.jit(transplant)(start, lanes, jnp.asarray(LINK), -30.0)
     before = agents.objects(straight, start.world.traffic, params.traffic)
     after = agents.objects(lanes, moved.world.traffic, params.traffic)
@@ -31,5 +32,5 @@ def test_everybody_keeps_place_relative_to_the_ego():
     np.testing.assert_allclose(seen[there], before.position[there], atol=0.05)
     np.testing.assert_allclose(moved.world.traffic.speed, start.world.traffic.speed)
     assert int(moved.start_link) == LINK
-    shown = world.observe(params, lanes, moved.world)
+    shown = world.observe(params, lanes, world=moved.world)
     assert shown.signals.state.shape == (graph.n_signals,)

@@ -105,7 +105,7 @@ def _all(
     n_steps: int,
 ) -> tuple[Log, Collision, Array, Array]:
     def one(corridor: Corridor, start: WorldState, vehicle: VehicleParams, count: Array) -> tuple:
-        own = loop.replace(stack=loop.stack.replace(vehicle=vehicle), sim=loop.sim.replace(vehicle=vehicle))
+        own = loop.replace(vehicle=vehicle)
         log, _ = rollout(own, Course(graph, corridor), lanes, start, n_steps)
         # Beyond the end of the record the last step is held: nothing happens any more.
         held = jnp.minimum(jnp.arange(n_steps), count - 1)

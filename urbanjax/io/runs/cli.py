@@ -10,9 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from urbanjax.io.runs import config as configs
 from urbanjax.io.runs import directory
 from urbanjax.types import ConfigError, UrbanJaxError
+from urbanjax.types import config as configs
 
 T = TypeVar("T")
 Body = Callable[[T, directory.Run], None]

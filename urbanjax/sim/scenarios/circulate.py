@@ -8,11 +8,11 @@ from jaxtyping import Float
 from urbanjax.roadmap.builders import district
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.sim import lanes as roads
-from urbanjax.sim.agents import Traffic
+from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios.scenario import Scenario, traffic
 from urbanjax.sim.signals import alternating
-from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.sim.world import WorldState
 from urbanjax.types import VehicleState, pytree, static
 
 
@@ -36,7 +36,7 @@ def road(params: CirculateParams) -> RoadGraph:
     return district()
 
 
-def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: LaneTables) -> Scenario:
+def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes: LaneTables) -> Scenario:
     """A start: `n_vehicles` on random free places of the network, which change lanes and take the first successor.
 
     No vehicle starts inside a junction, or within one spacing of the ego.
@@ -47,7 +47,7 @@ def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: LaneTable
     position, heading = start[: roads.HEADING], start[roads.HEADING]
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position, heading, zero + params.ego_speed, zero, zero)
-    vehicles = scatter(keys[0], lanes, params, sim, position)
+    vehicles = scatter(keys[0], lanes, params=params, others=others, keep_free=position)
     n = params.n_vehicles
     factor = jax.random.uniform(keys[1], (n,), minval=params.factor[0], maxval=params.factor[1])
     headway = jax.random.uniform(keys[2], (n,), minval=params.headway[0], maxval=params.headway[1])
@@ -61,7 +61,7 @@ def sample(key: Array, params: CirculateParams, sim: SimParams, lanes: LaneTable
 
 
 def scatter(
-    key: Array, lanes: LaneTables, params: CirculateParams, sim: SimParams, keep_free: Float[Array, "2"]
+    key: Array, lanes: LaneTables, *, params: CirculateParams, others: TrafficParams, keep_free: Float[Array, "2"]
 ) -> Traffic:
     """Vehicles at distinct random places, which are `spacing` apart along each link."""
     graph = lanes.graph
@@ -76,4 +76,4 @@ def scatter(
     order = jnp.where(usable, jax.random.uniform(key, usable.shape), 2.0)
     chosen = jnp.argsort(order)[: params.n_vehicles]
     link, station = link[chosen], station[chosen]
-    return traffic(link, station, jnp.zeros_like(station), 1.0, sim.traffic, usable[chosen])
+    return traffic(link, station, jnp.zeros_like(station), 1.0, others, usable[chosen])

@@ -6,9 +6,10 @@ from jax import Array
 
 from urbanjax.roadmap.builders import straight
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.sim.world import SimParams
 from urbanjax.types import pytree, static
+from urbanjax.vehicle.params import VehicleParams
 
 LANE = 0  # the only link
 LEADER, STANDING = 0, 1  # vehicles
@@ -35,7 +36,7 @@ def road(params: FollowParams) -> RoadGraph:
     return straight(1, params.length, params.lane_width, params.speed_limit)
 
 
-def sample(key: Array, params: FollowParams, sim: SimParams) -> Scenario:
+def sample(key: Array, params: FollowParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:
     """A start: the ego behind a leader that keeps its speed, or brakes behind a standing vehicle."""
     keys = jax.random.split(key, 5)
 
@@ -44,8 +45,8 @@ def sample(key: Array, params: FollowParams, sim: SimParams) -> Scenario:
 
     speed, leader_speed = draw(0, params.ego_speed), draw(1, params.leader_speed)
     stops = jax.random.uniform(keys[3], ()) < params.stops
-    front = params.start - sim.vehicle.rear_overhang + sim.vehicle.length
-    leader = front + draw(2, params.gap) + 0.5 * sim.traffic.vehicle_length
+    front = params.start - vehicle.rear_overhang + vehicle.length
+    leader = front + draw(2, params.gap) + 0.5 * others.vehicle_length
     pad = params.n_vehicles - 2
     zeros = jnp.zeros(pad, speed.dtype)
     vehicles = traffic(
@@ -53,7 +54,7 @@ def sample(key: Array, params: FollowParams, sim: SimParams) -> Scenario:
         jnp.concatenate([jnp.stack([leader, leader + draw(4, params.stop_gap)]), zeros]),
         jnp.concatenate([jnp.stack([leader_speed, jnp.zeros_like(speed)]), zeros]),
         params.speed_limit,
-        sim.traffic,
+        others,
         jnp.concatenate([jnp.stack([jnp.asarray(True), stops]), jnp.zeros(pad, bool)]),
     )
     ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed)

@@ -6,9 +6,10 @@ from jax import Array
 
 from urbanjax.roadmap.builders import straight
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.sim.world import SimParams
 from urbanjax.types import pytree, static
+from urbanjax.vehicle.params import VehicleParams
 
 LEFT, RIGHT = 0, 1  # links of the road
 LEADER, BESIDE = 0, 1  # vehicles
@@ -38,7 +39,7 @@ def road(params: OvertakeParams) -> RoadGraph:
     return straight(2, params.length, params.lane_width, params.speed_limit)
 
 
-def sample(key: Array, params: OvertakeParams, sim: SimParams) -> Scenario:
+def sample(key: Array, params: OvertakeParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:
     """A start: the ego in the right lane behind a slow leader, in some starts a vehicle in the left lane.
 
     Equal keys give equal starts, whatever drives the ego.
@@ -52,9 +53,9 @@ def sample(key: Array, params: OvertakeParams, sim: SimParams) -> Scenario:
     crowded = jax.random.uniform(keys[3], ()) < params.crowded
     behind = jax.random.bernoulli(keys[4])
     beside_speed = draw(5, params.beside_speed)
-    rear = params.start - sim.vehicle.rear_overhang
-    front = rear + sim.vehicle.length
-    half = 0.5 * sim.traffic.vehicle_length
+    rear = params.start - vehicle.rear_overhang
+    front = rear + vehicle.length
+    half = 0.5 * others.vehicle_length
     before = rear - draw(6, params.behind_gap) - half
     after = front + draw(6, params.ahead_gap) + half
     pad = params.n_vehicles - 2
@@ -64,7 +65,7 @@ def sample(key: Array, params: OvertakeParams, sim: SimParams) -> Scenario:
         jnp.concatenate([jnp.stack([front + gap + half, jnp.where(behind, before, after)]), zeros]),
         jnp.concatenate([jnp.stack([leader_speed, beside_speed]), zeros]),
         params.speed_limit,
-        sim.traffic,
+        others,
         jnp.concatenate([jnp.stack([jnp.asarray(True), crowded]), jnp.zeros(pad, bool)]),
     )
     vehicles = vehicles.replace(reacts=vehicles.reacts.at[LEADER].set(params.leader_reacts))

@@ -32,7 +32,7 @@ CAR = VehicleParams(
 
 # Traffic there brakes at up to 9 m/s^2 and shows no lights: comfort ends where the brakes do.
 BRAKES = LongitudinalParams(comfort_deceleration=6.0)
-HIGHWAY_STACK = StackParams(vehicle=CAR, control=ControlParams(longitudinal=BRAKES))
+HIGHWAY_STACK = StackParams(control=ControlParams(longitudinal=BRAKES))
 
 
 @pytree
@@ -51,10 +51,10 @@ class DriverParams:
 class StackDriver:
     """Drives the ego of a highway-env environment; one compiled step for all networks of one size bucket."""
 
-    def __init__(self, stack_params: StackParams, params: DriverParams):
-        """Drive with `stack_params`, which should be `HIGHWAY_STACK` or have its vehicle."""
-        self.params = params.replace(extend=as_arrays(params.corridor))
-        self.stack = as_arrays(stack_params)
+    def __init__(self, stack_params: StackParams, params: DriverParams, vehicle: VehicleParams = CAR):
+        """Drive with `stack_params`, of the kind of `HIGHWAY_STACK`. Args: vehicle, the one to be driven."""
+        self.params = params.replace(corridor=as_arrays(params.corridor))
+        self.stack = as_arrays(stack_params.replace(vehicle=vehicle, period=1.0 / FREQUENCY))
         self.step_seconds: list[float] = []
         self.info: StackInfo | None = None
 

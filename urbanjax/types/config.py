@@ -12,7 +12,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from urbanjax.types import ConfigError
+from urbanjax.types.errors import ConfigError
 
 T = TypeVar("T")
 FORBIDDEN = "_target_"  # a config names values, never code
@@ -28,18 +28,26 @@ def default_of(spec: dataclasses.Field) -> Any:
 
 
 def schema(params_class: type) -> dict[str, Any]:
-    """Nested dict of the defaults of `params_class`, in plain values that YAML can hold."""
-    return {spec.name: _plain(default_of(spec)) for spec in dataclasses.fields(params_class)}
+    """Nested dict of the defaults of `params_class`, in plain values that YAML can hold.
+
+    A field that is handed down (`types.struct.HANDED_DOWN`) is no key: whoever holds the params fills it in.
+    """
+    return {spec.name: _plain(default_of(spec)) for spec in stated(params_class)}
 
 
 def plain(params: Any) -> dict[str, Any]:
     """Nested dict of the values of `params` (Python numbers), the inverse of `to_params`."""
-    return {spec.name: _plain(getattr(params, spec.name)) for spec in dataclasses.fields(params)}
+    return {spec.name: _plain(getattr(params, spec.name)) for spec in stated(params)}
+
+
+def stated(params: Any) -> list[dataclasses.Field]:
+    """The fields of a params class or instance that are keys of a config."""
+    return [spec for spec in dataclasses.fields(params) if not spec.metadata.get("handed_down")]
 
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        return {spec.name: _plain(getattr(value, spec.name)) for spec in dataclasses.fields(value)}
+        return plain(value)
     if isinstance(value, enum.Enum):
         return value.name.lower()
     if isinstance(value, tuple | list):
@@ -90,19 +98,28 @@ def to_params(params_class: type[T], config: Mapping[str, Any], prefix: str = ""
     type, a non-finite number, a negative size, a value out of the field's range and an empty grid.
     """
     check_keys(config, schema(params_class), source, prefix)
-    specs = {spec.name: spec for spec in dataclasses.fields(typing.cast(Any, params_class))}
+    return updated(params_class(), config, prefix)
+
+
+def updated(params: T, config: Mapping[str, Any], prefix: str = "") -> T:
+    """`params` with the values of `config`, checked; what it leaves out stays as it is, at every depth.
+
+    Args: config, nested plain values with keys of the params; prefix, dotted path for messages. Raises ConfigError.
+    """
+    specs = {spec.name: spec for spec in stated(params)}
     values = {
-        name: _convert(specs[name], default_of(specs[name]), value, f"{prefix}{name}", source)
-        for name, value in config.items()
+        name: _convert(specs[name], getattr(params, name), value, f"{prefix}{name}") for name, value in config.items()
     }
-    return params_class(**values)
+    return dataclasses.replace(typing.cast(Any, params), **values)
 
 
-def _convert(spec: dataclasses.Field, default: Any, value: Any, key: str, source: str) -> Any:
+def _convert(spec: dataclasses.Field, current: Any, value: Any, key: str) -> Any:
+    """The value of one field. Its default says of which kind it is; the current value only matters for a group."""
+    default = default_of(spec)
     if dataclasses.is_dataclass(default):
         if not isinstance(value, Mapping):
             raise ConfigError(f"'{key}' is a group of values, not {value!r}")
-        return _nested(default, value, key, source)
+        return updated(current, value, f"{key}.")
     if isinstance(default, enum.Enum):
         return _member(type(default), value, key)
     if isinstance(default, tuple):
@@ -110,12 +127,6 @@ def _convert(spec: dataclasses.Field, default: Any, value: Any, key: str, source
     if value is None and (default is None or type(None) in typing.get_args(spec.type)):
         return None
     return _scalar(default, value, key, _choices(spec), spec.metadata.get("range"))
-
-
-def _nested(default: Any, value: Mapping[str, Any], key: str, source: str) -> Any:
-    # A parent may hold a child with other values than the child's own defaults: those stand where nothing is said.
-    merged = {**plain(default), **value}
-    return to_params(type(default), merged, f"{key}.", source)
 
 
 def _member(kind: type[enum.Enum], value: Any, key: str) -> enum.Enum:

@@ -9,8 +9,7 @@ import pkgutil
 import pytest
 
 import urbanjax
-from urbanjax.io.runs import config
-from urbanjax.types import ConfigError, pytree, static
+from urbanjax.types import ConfigError, config, pytree, static
 
 
 class Mode(enum.Enum):
