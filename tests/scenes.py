@@ -12,9 +12,10 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.roadmap.builders import curve, two_way
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import WindowParams
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.rollout import LoopParams
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables
@@ -55,7 +56,7 @@ def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, L
 
 def oncoming_scene(params: LoopParams) -> tuple[Course, LaneTables, WorldState]:
     """One lane each way: the ego, off its lane's centre, closes on a slow leader while an oncoming car draws near."""
-    graph = two_way(1, 1, 400.0, 3.5, 14.0)
+    graph = two_way(1, 1, length=400.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0))
     vehicles = traffic(
         jnp.array([0, 1, 0, 0], jnp.int32),
         jnp.array([92.0, 190.0, 0.0, 0.0]),
@@ -74,7 +75,9 @@ def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, LaneTa
     Whether to cross the line, how steeply, and the look-ahead's minimum all matter. Args: aside, the parked car's
     offset from the lane's centre in metres.
     """
-    graph = curve(30.0, math.pi / 3, 2, lead=120.0, transition=10.0, speed_limit=4.2, section=200.0)
+    graph = curve(
+        30.0, math.pi / 3, n_lanes=2, lead=120.0, transition=10.0, style=RoadStyle(speed_limit=4.2, section=200.0)
+    )
     barred = jnp.zeros_like(graph.left_change)
     graph = graph.replace(left_change=barred, right_change=barred)
     vehicles = traffic(
@@ -98,4 +101,4 @@ def course_along(graph: RoadGraph, start: int, goal: int) -> Course:
 
 def one_shape(graph: RoadGraph) -> RoadGraph:
     """The graph in a shape that all scenes share, so that one compiled program serves them."""
-    return pad(graph, n_links=6).replace(area_names=("",), area=jnp.zeros(6, jnp.int32))
+    return pad(graph, size=GraphSize(n_links=6)).replace(area_names=("",), area=jnp.zeros(6, jnp.int32))

@@ -19,6 +19,7 @@ from urbanjax.planning.lattice.course_path import driven
 from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.previous import nothing
 from urbanjax.roadmap.builders import curve
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import Corridor, Progress, WindowParams, to_world, window
 from urbanjax.types import Prediction, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
@@ -46,7 +47,7 @@ def draw_course(lap: Lap, path: Path) -> None:
 
 def draw_macro(path: Path, temperature: float) -> None:
     """A macro plan past a slow leader in a bend of three lanes: weights of the nodes and the plan, hard and soft."""
-    graph = curve(60.0, np.pi / 3, 3, lead=60.0, section=500.0)
+    graph = curve(60.0, np.pi / 3, n_lanes=3, lead=60.0, style=RoadStyle(section=500.0))
     links = [k for k in range(graph.length.shape[0]) if bool(graph.has_left[k] & graph.has_right[k])]
     course = course_between(graph, links[0], links[-1])
     ahead = as_arrays(window(course.corridor, jnp.asarray(30.0), WindowParams()))

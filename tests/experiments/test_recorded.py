@@ -15,6 +15,7 @@ from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
 from urbanjax.roadmap import matching
 from urbanjax.roadmap.builders import straight
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams, WindowParams
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.world import SimParams
@@ -47,7 +48,7 @@ def recording(rows, steps=STEPS, dt=0.1) -> Recording:
 
 @pytest.fixture(scope="module")
 def graph():
-    return straight(2, 600.0, 3.5, 14.0, section=150.0)
+    return straight(2, 600.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0, section=150.0))
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import pytest
 
 from urbanjax.planning.prediction import PredictionParams, boxes_at, predict
 from urbanjax.roadmap.builders import curve, intersection, straight
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.links import sample
 from urbanjax.roadmap.locate import locate
 from urbanjax.types import Objects
@@ -40,7 +41,7 @@ def on_link(graph, link, station, offset=0.0, turned=0.0, speed=10.0):
 
 @pytest.fixture(scope="module")
 def bend():
-    return curve(radius=40.0, n_lanes=2, lead=30.0, section=40.0)
+    return curve(radius=40.0, n_lanes=2, lead=30.0, style=RoadStyle(section=40.0))
 
 
 def test_objects_start_where_they_are(bend):

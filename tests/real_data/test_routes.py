@@ -9,8 +9,9 @@ from tests.roadmap.oracle import host, oracle, walked_cost
 from urbanjax.io import maps
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.costs_to_go import costs_to_go
+from urbanjax.roadmap.padding import GraphSize
 from urbanjax.roadmap.route import RouteParams, plan_route
-from urbanjax.types import RouteStatus
+from urbanjax.types import Status
 
 pytestmark = pytest.mark.real_data
 
@@ -29,7 +30,7 @@ to_go = jax.jit(costs_to_go, compiler_options=FAST)
 def slim():
     """The connections of a small graph alone, in one shape, so that one program serves them; a large one as it is."""
     lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
-    template = builders.assemble([lane], n_points=4, n_links=128, n_successors=8)
+    template = builders.assemble([lane], n_points=4, size=GraphSize(n_links=128, n_successors=8))
 
     def slimmed(graph):
         if len(graph.length) > 128:
@@ -68,7 +69,7 @@ def test_routes_between_random_links(data_dir, slim, folder, least, pairs):
             costs = to_go(graph, jnp.asarray(goals, jnp.int32), params)[np.arange(pairs), starts]
             np.testing.assert_allclose(costs, best, rtol=1e-5, err_msg=file.name)
             routes = host(plan_routes(graph, starts, goals, (), 1, params))
-            reached = routes.status == RouteStatus.OK
+            reached = routes.status == Status.OK
             np.testing.assert_array_equal(reached, np.isfinite(best), err_msg=file.name)
             np.testing.assert_allclose(routes.cost[reached], best[reached], rtol=1e-5, err_msg=file.name)
             for k in np.flatnonzero(reached)[:5]:

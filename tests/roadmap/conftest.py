@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap import builders
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams, corridor_along, progress, sample, sized, to_world, window
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.roadmap.route import RouteParams, route_between
 
 
@@ -23,7 +24,7 @@ def crossing():
 @pytest.fixture(scope="session")
 def road():
     """Two sections of three lanes."""
-    return builders.straight(n_lanes=3, length=200.0, section=100.0, n_points=16)
+    return builders.straight(n_lanes=3, length=200.0, style=RoadStyle(section=100.0, n_points=16))
 
 
 @pytest.fixture(scope="session")
@@ -31,10 +32,10 @@ def graphs(district, crossing, road):
     """One graph of each kind."""
     return {
         "straight": road,
-        "two_way": builders.two_way(length=200.0, n_points=16),
-        "coinciding": builders.two_way(length=200.0, coinciding=True, n_points=16),
-        "curve": builders.curve(radius=40.0, n_points=16),
-        "merge": builders.merge(before=80.0, parallel=60.0, after=80.0, ramp=60.0, n_points=16),
+        "two_way": builders.two_way(length=200.0, style=RoadStyle(n_points=16)),
+        "coinciding": builders.two_way(length=200.0, coinciding=True, style=RoadStyle(n_points=16)),
+        "curve": builders.curve(radius=40.0, style=RoadStyle(n_points=16)),
+        "merge": builders.merge(before=80.0, parallel=60.0, after=80.0, ramp=60.0, style=RoadStyle(n_points=16)),
         "crossing": crossing,
         "district": district,
     }
@@ -59,7 +60,9 @@ def extend_along():
     compiled = jax.jit(corridor_along)
 
     def along(graph, start, goal):
-        alike = pad(graph, n_links=32, n_successors=3, n_relations=8).replace(area_names=("",), n_signals=0)
+        alike = pad(graph, size=GraphSize(n_links=32, n_successors=3, n_relations=8)).replace(
+            area_names=("",), n_signals=0
+        )
         route = route_between(alike, start, goal, params=RouteParams(n_links=16))
         return compiled(alike, route, CorridorParams(n_stations=256, n_stops=4))
 
@@ -108,7 +111,7 @@ def random_graph():
     """
     n, most = 24, 3
     lane = builders.LaneSpec("a", np.array([[0.0, 0.0], [10.0, 0.0]]))
-    template = builders.assemble([lane], n_points=4, n_links=n, n_successors=most)
+    template = builders.assemble([lane], n_points=4, size=GraphSize(n_links=n, n_successors=most))
 
     def make(seed, chains=False):
         rng = np.random.default_rng(seed)

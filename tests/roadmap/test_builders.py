@@ -6,7 +6,8 @@ import pytest
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.builders import LaneSpec, assemble
 from urbanjax.roadmap.builders.curves import connect, trace, turn
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.builders.specs import RoadStyle
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.types import RoadError
 
 KINDS = ("straight", "two_way", "coinciding", "curve", "merge", "crossing", "district")
@@ -200,9 +201,11 @@ def test_district_has_two_to_four_lanes_and_signals_on_all_of_them(district, cou
 
 
 def test_padding_is_invalid_and_finite():
-    graph = builders.straight(n_lanes=1, length=50.0, n_points=4)
+    graph = builders.straight(n_lanes=1, length=50.0, style=RoadStyle(n_points=4))
     spec = LaneSpec("a", np.array([[0.0, 0.0], [50.0, 0.0]]))
-    padded = assemble([spec], n_points=4, n_links=3, n_successors=2, n_relations=2, n_signals_per_link=2, n_signals=5)
+    padded = assemble(
+        [spec], n_points=4, n_signals=5, size=GraphSize(n_links=3, n_successors=2, n_relations=2, n_signals_per_link=2)
+    )
     assert np.asarray(padded.valid).tolist() == [True, False, False]
     assert padded.successor.shape == padded.signal.shape == padded.conflict.shape == (3, 2)
     assert padded.n_signals == 5
@@ -211,13 +214,13 @@ def test_padding_is_invalid_and_finite():
 
 
 def test_padded_graph_keeps_its_links(crossing):
-    more = pad(crossing, n_links=40, n_relations=9)
+    more = pad(crossing, size=GraphSize(n_links=40, n_relations=9))
     n = len(crossing.length)
     assert more.conflict.shape == (40, 9)
     np.testing.assert_array_equal(more.centre[:n], crossing.centre)
     assert pairs(more.conflict, more.has_conflict) == pairs(crossing.conflict, crossing.has_conflict)
     with pytest.raises(RoadError, match="n_links is 3"):
-        pad(crossing, n_links=3)
+        pad(crossing, size=GraphSize(n_links=3))
 
 
 def test_far_coordinates_get_an_origin():
@@ -271,7 +274,7 @@ def test_bad_networks_are_refused_by_name(specs, message):
     [
         lambda: builders.straight(n_lanes=0),
         lambda: builders.straight(length=-5.0),
-        lambda: builders.straight(lane_width=float("nan")),
+        lambda: builders.straight(style=RoadStyle(lane_width=float("nan"))),
         lambda: builders.two_way(n_opposite=0),
         lambda: builders.curve(radius=-1.0),
         lambda: builders.curve(radius=5.0, angle=-1.0, n_lanes=3),
@@ -279,7 +282,7 @@ def test_bad_networks_are_refused_by_name(specs, message):
         lambda: builders.merge(parallel=0.0),
         lambda: builders.intersection(n_lanes=0),
         lambda: builders.intersection(size=1.0),
-        lambda: assemble([LaneSpec("a", LINE), LaneSpec("b", LINE + 5)], n_links=1),
+        lambda: assemble([LaneSpec("a", LINE), LaneSpec("b", LINE + 5)], size=GraphSize(n_links=1)),
     ],
 )
 def test_bad_sizes_are_refused(build):

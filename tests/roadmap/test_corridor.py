@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap import builders
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams, WindowParams, corridor_along, progress, sized, window
 from urbanjax.roadmap.graph import Turn
 from urbanjax.roadmap.route import RouteParams, route_between
@@ -23,7 +24,7 @@ def changing(road, extend_along):
 @pytest.fixture(scope="module")
 def bend(extend_along):
     """A left bend of radius 30 m at the road's edge, on the rightmost of two lanes."""
-    graph = builders.curve(radius=30.0, angle=1.8, n_lanes=2, n_points=16)
+    graph = builders.curve(radius=30.0, angle=1.8, n_lanes=2, style=RoadStyle(n_points=16))
     return extend_along(graph, 1, int(np.flatnonzero(np.asarray(graph.has_left))[-1]))
 
 
@@ -140,7 +141,7 @@ def test_oncoming_lane_of_a_two_way_road_is_next_to_the_route(graphs, extend_alo
 
 
 def test_forbidden_overtaking_bars_the_oncoming_lane(extend_along):
-    e = extend_along(builders.two_way(length=200.0, overtaking=False, n_points=16), 0, 0)
+    e = extend_along(builders.two_way(length=200.0, overtaking=False, style=RoadStyle(n_points=16)), 0, 0)
     assert np.all(np.asarray(e.has_lane)[:100, 3])
     assert not np.any(e.change)
 
@@ -214,7 +215,7 @@ def test_progress_beyond_the_ends_goes_on(bend, progress_jit, to_world_jit):
 
 def test_progress_tells_apart_two_directions_of_one_road(extend_along, progress_jit):
     """A hairpin of radius 4 m: near its legs the heading decides."""
-    graph = builders.curve(radius=5.75, angle=np.pi, n_lanes=1, lead=60.0, transition=0.0, n_points=16)
+    graph = builders.curve(radius=5.75, angle=np.pi, n_lanes=1, lead=60.0, transition=0.0, style=RoadStyle(n_points=16))
     e = extend_along(graph, 0, int(np.sum(graph.valid)) - 1)
     position = (e.position[30] + e.position[-1]) * jnp.array([0.0, 0.5]) + jnp.array([30.0, 0.3])
     found = progress_jit(e, jnp.stack([position, position]), jnp.array([0.0, np.pi]))

@@ -10,7 +10,7 @@ import pytest
 from tests.roadmap.oracle import host, oracle
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.costs_to_go import GOALS, cost_to_go, costs_to_go
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.roadmap.route import RouteParams
 
 costs_to_go_jit = jax.jit(costs_to_go, static_argnames="changes")
@@ -59,7 +59,7 @@ def ring(n, n_links=None):
     corner = 100 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     lanes = [builders.LaneSpec(str(i), corner[i : i + 2], successors=(str((i + 1) % n),)) for i in range(n)]
     graph = builders.assemble(lanes, n_points=4, gap_tolerance=1.0)
-    return pad(graph, n_links=n_links)
+    return pad(graph, size=GraphSize(n_links=n_links))
 
 
 def test_a_circle_without_any_branch(x64):
@@ -86,7 +86,7 @@ def test_costs_obey_the_triangle_and_fall_along_the_way(district):
 
 def test_padding_of_the_graph_changes_nothing(random_graph):
     graph, goals = random_graph(3, True), jnp.arange(22)
-    wide = pad(jax.tree.map(jnp.asarray, graph), n_links=40, n_successors=5)
+    wide = pad(jax.tree.map(jnp.asarray, graph), size=GraphSize(n_links=40, n_successors=5))
     plain, padded = (partial(costs_to_go_jit, goals=goals, params=RouteParams())(g) for g in (graph, wide))
     np.testing.assert_allclose(padded[:, :24], plain, rtol=1e-6)
     assert np.all(np.isinf(padded[:, 24:]))

@@ -8,7 +8,7 @@ import pytest
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadType
 from urbanjax.roadmap.locate import LocateParams, locate, misfit
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 
 locate_jit = jax.jit(locate)
 sample_jit = jax.jit(links.sample)
@@ -124,7 +124,7 @@ def test_station_and_offset_have_exact_gradients(district, course_links, x64):
 
 
 def test_padding_links_are_never_found(road):
-    more = pad(road, n_links=9)
+    more = pad(road, size=GraphSize(n_links=9))
     position = jnp.array([[20.0, 7.0], [120.0, 0.1]])
     a, b = (locate_jit(graph, position, jnp.zeros(2)) for graph in (road, more))
     for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):

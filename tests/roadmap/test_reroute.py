@@ -8,7 +8,7 @@ import pytest
 from tests.roadmap.oracle import host, oracle, walked_cost
 from urbanjax.roadmap.remaining import remaining
 from urbanjax.roadmap.route import RouteParams, plan_route, reroute, route_between
-from urbanjax.types import RouteError, RouteStatus
+from urbanjax.types import RouteError, Status
 
 L = 24
 plan_route_jit = jax.jit(plan_route, static_argnames="laps")
@@ -35,7 +35,7 @@ def test_routes_around_blocked_links_cost_what_dijkstra_says(random_graph):
         route = plan_route_jit(graph, start, goal, params=params, blocked=mask(L, *blocked))
         best = oracle(graph, goal, params, blocked=list(blocked))[start]
         if np.isinf(best):
-            assert int(route.status) == RouteStatus.UNREACHABLE
+            assert int(route.status) == Status.UNREACHABLE
             continue
         found += best > float(free.cost) * (1 + 1e-5)
         assert not blocked & set(links_of(route))
@@ -47,11 +47,11 @@ def test_routes_around_blocked_links_cost_what_dijkstra_says(random_graph):
 def test_who_stands_on_a_blocked_link_leaves_it_by_a_lane_change(road):
     n = len(road.length)
     route = plan_route_jit(road, 0, 3, params=SMALL, blocked=mask(n, 0))
-    assert int(route.status) == RouteStatus.OK
+    assert int(route.status) == Status.OK
     assert links_of(route)[:2] == [0, 1]
     for start, goal, blocked in ((0, 3, (3,)), (3, 3, (3,)), (0, 3, (0, 1))):
         assert int(plan_route_jit(road, start, goal, params=SMALL, blocked=mask(n, *blocked)).status) == (
-            RouteStatus.UNREACHABLE
+            Status.UNREACHABLE
         )
 
 
@@ -74,7 +74,7 @@ def test_passed_via_links_are_not_visited_again(district, course_links):
     route = plan_route_jit(district, 0, goal, via)
     ahead, closed = course_links[20], course_links[21]
     rest = reroute_jit(district, route, ahead, 5.0, goal, via, blocked=mask(len(district.length), closed))
-    assert int(rest.status) == RouteStatus.OK
+    assert int(rest.status) == Status.OK
     assert closed not in links_of(rest)
     assert via[0] not in links_of(rest)
     assert links_of(rest)[-1] == goal
@@ -92,7 +92,7 @@ def test_off_the_route_the_last_entry_tells_what_was_passed(district, course_lin
     for since, visits in ((18, False), (3, True)):
         rest = reroute_jit(district, route, beside, 0.0, goal, via, since=since)
         assert (via[0] in links_of(rest)) == visits
-        assert int(rest.status) == RouteStatus.OK
+        assert int(rest.status) == Status.OK
 
 
 def test_laps_that_are_driven_are_not_driven_again(district, course_links):

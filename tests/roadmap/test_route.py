@@ -6,7 +6,7 @@ import pytest
 
 from tests.roadmap.oracle import oracle, walked_cost
 from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route, route_between
-from urbanjax.types import RouteError, RouteStatus
+from urbanjax.types import RouteError, Status
 
 L = 24
 cost_to_go_jit = jax.jit(cost_to_go, static_argnames="changes")
@@ -23,10 +23,10 @@ def test_route_walks_its_least_cost_on_random_graphs(random_graph):
         route = plan_route_jit(graph, start, goal, params=params)
         best = oracle(graph, goal, params)[start]
         if np.isinf(best):
-            assert int(route.status) == RouteStatus.UNREACHABLE
+            assert int(route.status) == Status.UNREACHABLE
             continue
         found += 1
-        assert int(route.status) == RouteStatus.OK
+        assert int(route.status) == Status.OK
         assert walked_cost(graph, route, params) == pytest.approx(best, rel=1e-5)
         assert float(route.cost) == pytest.approx(best, rel=1e-5)
     assert found > 15
@@ -65,7 +65,7 @@ def test_two_stage_takes_the_route_without_changes_if_there_is_one(random_graph)
 
 def test_free_lane_changes_do_not_trap_the_trace_back(road):
     route = plan_route(road, 2, 5, params=RouteParams(change_length=0.0, n_links=8))
-    assert int(route.status) == RouteStatus.OK
+    assert int(route.status) == Status.OK
     assert float(route.cost) == pytest.approx(200.0)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap.builders import straight
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import world as worlds
 from urbanjax.sim.agents import Traffic
@@ -24,7 +25,7 @@ class Road:
     LEFT, RIGHT = 0, 1
 
     def __init__(self):
-        self.graph = straight(2, 1000.0, 3.5, LIMIT, section=250.0)
+        self.graph = straight(2, 1000.0, style=RoadStyle(lane_width=3.5, speed_limit=LIMIT, section=250.0))
         self.lanes = roads.from_graph(self.graph)
         self.params = as_arrays(worlds.SimParams(vehicle=VehicleParams(), lidar=LidarParams()))
         self.step = jax.jit(worlds.step)

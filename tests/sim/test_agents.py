@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap.builders import curve
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim import agents
 from urbanjax.sim import lanes as roads
 from urbanjax.types import as_arrays
@@ -68,7 +69,7 @@ def test_vehicle_whose_tail_is_on_the_link_behind_is_seen_there(road):
 
 
 def test_motion_is_continuous_from_link_to_link_in_a_curve():
-    graph = curve(radius=40.0, n_lanes=2, lead=40.0, section=30.0)
+    graph = curve(radius=40.0, n_lanes=2, lead=40.0, style=RoadStyle(section=30.0))
     lanes = roads.from_graph(graph)
     params = as_arrays(agents.TrafficParams())
     n = graph.length.shape[0]

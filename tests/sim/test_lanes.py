@@ -3,11 +3,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.roadmap.builders import curve, merge
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim import lanes as roads
 
 
 def test_curve_is_a_circle_and_lanes_are_parallel():
-    graph = curve(radius=30.0, angle=np.pi / 2, n_lanes=2, lead=40.0, transition=10.0, section=25.0)
+    graph = curve(radius=30.0, angle=np.pi / 2, n_lanes=2, lead=40.0, transition=10.0, style=RoadStyle(section=25.0))
     lanes = roads.from_graph(graph)
     index = int(np.argmax(np.abs(graph.curvature).min(axis=1)))  # a link inside the arc
     links = jnp.full(50, index, jnp.int32)

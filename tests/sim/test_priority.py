@@ -5,6 +5,7 @@ import pytest
 
 from urbanjax.evaluation import metrics
 from urbanjax.roadmap.builders import intersection, merge
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim import agents
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.signals import SignalProgram
@@ -121,7 +122,7 @@ def test_waits_for_the_oncoming_before_turning_left(road, crossing):
 
 
 def test_merges_before_the_lane_ends_or_stops_at_its_end(road):
-    graph = merge(n_lanes=1, speed_limit=50 / 3.6)
+    graph = merge(n_lanes=1, style=RoadStyle(speed_limit=50 / 3.6))
     lanes = roads.from_graph(graph)
     ramp = int(np.flatnonzero(np.asarray(lanes.ends))[0])
     for may in (True, False):

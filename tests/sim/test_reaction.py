@@ -58,7 +58,7 @@ def test_ego_behind_or_alongside_is_no_reason_to_brake(road):
 
 
 def test_oncoming_traffic_brakes_for_an_ego_in_its_lane_only_if_told_to(road):
-    graph = two_way(1, 1, 1000.0)
+    graph = two_way(1, 1, length=1000.0)
     lanes = roads.from_graph(graph)
     own, oncoming = 0, 1
     assert bool(graph.has_opposite[own, 0])

@@ -1,5 +1,8 @@
 """Road graphs of equal shape, so that one compiled program serves them all."""
 
+import dataclasses
+from typing import no_type_check
+
 import jax.numpy as jnp
 from jax import Array
 
@@ -14,25 +17,29 @@ TABLES = {
 STATIC = ("origin", "area_names", "n_signals")
 
 
-def pad(
-    graph: RoadGraph,
-    n_links: int | None = None,
-    n_successors: int | None = None,
-    n_relations: int | None = None,
-    n_signals_per_link: int | None = None,
-) -> RoadGraph:
-    """The graph with more, invalid links and wider tables; None leaves a size as it is.
+@no_type_check
+@dataclasses.dataclass(frozen=True)
+class GraphSize:
+    """The shape of a road graph's arrays; None: as small as it can be."""
+
+    n_links: int | None = None
+    n_successors: int | None = None
+    n_relations: int | None = None
+    n_signals_per_link: int | None = None
+
+
+def pad(graph: RoadGraph, size: GraphSize) -> RoadGraph:
+    """The graph with more, invalid links and wider tables.
 
     Padding links repeat the first one, so that arithmetic on them stays well-formed; their masks are false. Raises
-    RoadError where a size is below what the graph has.
+    RoadError where a size is below what the graph has. Args: graph; size, None where it stays as it is.
     """
     fields = {name: value for name, value in vars(graph).items() if name not in STATIC}
-    sizes = {"n_successors": n_successors, "n_relations": n_relations, "n_signals_per_link": n_signals_per_link}
     for size_name, names in TABLES.items():
         for name in names:
-            more = _more(size_name, sizes[size_name], fields[name].shape[1])
+            more = _more(size_name, getattr(size, size_name), fields[name].shape[1])
             fields[name] = jnp.pad(fields[name], ((0, 0), (0, more))) if more else fields[name]
-    more = _more("n_links", n_links, graph.length.shape[0])
+    more = _more("n_links", size.n_links, graph.length.shape[0])
     return graph.replace(**{name: _longer(value, more) for name, value in fields.items()})
 
 

@@ -12,7 +12,7 @@ from urbanjax.roadmap.costs_to_go import cost_to_go, costs_to_go
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import COSTS, SEARCHES, RouteParams, link_costs
 from urbanjax.roadmap.tracing import Route, entry_of, mission_to, trace
-from urbanjax.types import RouteError, RouteStatus
+from urbanjax.types import RouteError, Status
 
 __all__ = [
     "COSTS",
@@ -78,7 +78,7 @@ def reroute(
     found = trace(mission, link, route.leg[entry], ~on_route, params.n_links)
     driven = jnp.argmax(found.valid & ~found.change)
     share = jnp.clip(station / graph.length[link], 0, 1)
-    behind = jnp.where(found.status == RouteStatus.OK, share * link_costs(graph, params)[found.link[driven]], 0)
+    behind = jnp.where(found.status == Status.OK, share * link_costs(graph, params)[found.link[driven]], 0)
     return found.replace(cost=found.cost - behind)
 
 
@@ -107,11 +107,11 @@ def route_between(
         raise RouteError(f"blocked is {blocked.dtype}{list(blocked.shape)}: give a bool for each of {len(valid)} links")
     blocked = None if blocked is None else jnp.asarray(blocked)
     route = _plan_jit(graph, start, goal, via, laps, params, blocked)
-    status = RouteStatus(int(route.status))
-    if status == RouteStatus.UNREACHABLE:
+    status = Status(int(route.status))
+    if status == Status.UNREACHABLE:
         way = "".join(f" via {link}" for link in via) + ("" if blocked is None else " past the blocked links")
         raise RouteError(f"link {goal} cannot be reached from link {start}{way}: check successors and lane changes")
-    if status == RouteStatus.TOO_LONG:
+    if status == Status.TOO_LONG:
         raise RouteError(
             f"the route from link {start} to link {goal} has more than {params.n_links} links: raise n_links"
         )

@@ -10,7 +10,7 @@ from jaxtyping import Int
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import Moves, RouteParams, moves
 from urbanjax.roadmap.potential import Potential, potential
-from urbanjax.types import RouteStatus, pytree
+from urbanjax.types import Status, pytree
 
 
 @pytree
@@ -22,7 +22,7 @@ class Route:
     change: Array  # [R] bool, the next link is entered by a lane change, not at the end of this one
     leg: Array  # [R] int32, how many targets (via-points and goals, of all laps) are reached with this link
     cost: Array  # [] m or s, with the penalties (in `lexicographic` without)
-    status: Array  # [] int32, a RouteStatus
+    status: Array  # [] int32, a Status
 
 
 @pytree
@@ -96,5 +96,5 @@ def trace(mission: Mission, link: Array, leg: Array, moved: Array, n_links: int)
     first = (link, leg, moved, variant, jnp.zeros_like(ways.drive[0]), jnp.asarray(True), possible)
     (_, _, _, _, cost, driving, reachable), (links, valid, change, legs) = lax.scan(step, first, length=n_links)
     reached = reachable & jnp.isfinite(cost)
-    status = jnp.where(driving, RouteStatus.TOO_LONG, jnp.where(reached, RouteStatus.OK, RouteStatus.UNREACHABLE))
+    status = jnp.where(driving, Status.TOO_LONG, jnp.where(reached, Status.OK, Status.UNREACHABLE))
     return Route(links, valid, change, legs, cost, status.astype(jnp.int32))

@@ -15,7 +15,7 @@ from urbanjax.types.path import Path
 from urbanjax.types.scan import Mount, Scan
 from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
-from urbanjax.types.status import Decision, RouteStatus
+from urbanjax.types.status import Decision, Status
 from urbanjax.types.struct import HANDED_DOWN, as_arrays, field, pytree, static
 from urbanjax.types.values import batched_values, with_values
 
@@ -34,11 +34,11 @@ __all__ = [
     "Prediction",
     "RoadError",
     "RouteError",
-    "RouteStatus",
     "Scan",
     "ScenarioError",
     "SignalState",
     "Signals",
+    "Status",
     "UrbanJaxError",
     "VehicleState",
     "as_arrays",

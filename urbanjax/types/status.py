@@ -3,12 +3,21 @@
 import enum
 
 
-class RouteStatus(enum.IntEnum):
-    """How a route search ended."""
+class Status(enum.IntEnum):
+    """How a search or a registration ended: a value inside jit, with a message for whoever reads it outside."""
 
-    OK = 0
-    UNREACHABLE = 1
-    TOO_LONG = 2
+    message: str
+
+    def __new__(cls, value: int, message: str) -> "Status":
+        """A member that is its number."""
+        member = int.__new__(cls, value)
+        member._value_, member.message = value, message
+        return member
+
+    OK = 0, "as it should be"
+    UNREACHABLE = 1, "the goal cannot be reached from the start by links and permitted lane changes"
+    TOO_LONG = 2, "the route has more links than the table holds that was made for it"
+    NOT_CONVERGED = 3, "the iterations ended before the steps became small"
 
 
 class Decision(enum.IntEnum):

@@ -17,6 +17,7 @@ from urbanjax.planning.lattice.course_lattice import CourseLatticeParams, SlideP
 from urbanjax.planning.lattice.course_path import driven
 from urbanjax.planning.lattice.search import closed_search
 from urbanjax.roadmap import builders
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.types import RoadError, as_arrays
 from urbanjax.vehicle.params import VehicleParams
@@ -183,7 +184,7 @@ def test_a_path_is_smooth_in_the_plane_and_as_long_as_its_edges(winding, lattice
 
 
 def test_an_open_road_has_no_edges_beyond_its_end_and_none_over_a_solid_line():
-    graph = builders.curve(radius=60.0, angle=1.0, n_lanes=2, lead=40.0, section=200.0)
+    graph = builders.curve(radius=60.0, angle=1.0, n_lanes=2, lead=40.0, style=RoadStyle(section=200.0))
     course = course_between(
         graph, 1, int(np.flatnonzero(np.asarray(graph.has_left))[-1]), corridor=CorridorParams(lanes=3)
     )

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from urbanjax.geometry.boxes import gap
 from urbanjax.roadmap.builders import curve, district, intersection
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim.scenery.footprints import clearance
 from urbanjax.sim.scenery.plots import STYLES
 from urbanjax.sim.scenery.roadside import roadsides
@@ -72,7 +73,9 @@ def test_course_is_furnished_all_along(graph, surroundings):
 
 
 def test_both_sides_of_every_road_are_found_once():
-    sides = roadsides(curve(radius=60.0, angle=1.2, n_lanes=2, lead=50.0, transition=20.0, section=40.0))
+    sides = roadsides(
+        curve(radius=60.0, angle=1.2, n_lanes=2, lead=50.0, transition=20.0, style=RoadStyle(section=40.0))
+    )
     assert sorted(side.outward for side in sides) == [-1.0, 1.0]
     for side in sides:
         assert (np.diff(side.station) > 0).all()

@@ -63,7 +63,7 @@ def assemble(path: Path, form: str, lanes: Sequence[MapLane], gap: float = GAP, 
     ends = np.concatenate([lines[lane.id].centre for lane in kept])
     middle = np.round(0.5 * (ends.min(0) + ends.max(0))) + 0.0  # no negative zero
     try:
-        graph = builders.assemble(specs, n_points, (float(middle[0]), float(middle[1])), gap_tolerance=np.inf)
+        graph = builders.assemble(specs, n_points, origin=(float(middle[0]), float(middle[1])), gap_tolerance=np.inf)
     except RoadError as error:
         raise MapError(f"{path}: {error}") from error
     return RoadMap(

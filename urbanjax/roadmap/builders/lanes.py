@@ -10,7 +10,7 @@ from jax import Array
 from urbanjax.roadmap.builders.relations import conflicts, crossing, meetings, neighbour_stations, opposites, pieces
 from urbanjax.roadmap.builders.specs import LaneSpec, check, resample
 from urbanjax.roadmap.graph import RoadGraph, RoadType
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.types import RoadError
 
 FAR = 20_000.0  # m from the origin beyond which float32 coordinates lose more than a millimetre
@@ -21,11 +21,9 @@ AT_ONCE = 256  # pairs of lanes, held against each other point by point
 def assemble(
     specs: Sequence[LaneSpec],
     n_points: int = 32,
+    *,
     origin: tuple[float, float] | None = None,
-    n_links: int | None = None,
-    n_successors: int | None = None,
-    n_relations: int | None = None,
-    n_signals_per_link: int | None = None,
+    size: GraphSize = GraphSize(),  # noqa: B008 (frozen)
     n_signals: int | None = None,
     gap_tolerance: float = 2.0,
 ) -> RoadGraph:
@@ -33,10 +31,9 @@ def assemble(
 
     Derives predecessors, station maps between neighbours, opposite lanes and conflicts. Every link is resampled to
     `n_points` at uniform arc length, so that `station[l, p] = length[l] * p / (n_points - 1)`.
-    Args: origin, map coordinates of the graph's (0, 0) (None: the map's own, or the centre of the lanes where they lie
-    more than 20 km from it); n_links, n_successors, n_relations, n_signals_per_link, sizes to pad to (None: the
-    smallest); n_signals, number of signals (None: the largest id and one); gap_tolerance [m], the largest distance
-    from a lane's end to its successor's start.
+    Args: specs, the lanes; n_points, per link; origin m, map coordinates of the graph's (0, 0) (None: the map's own, or
+    the centre of the lanes where they lie more than 20 km from it); size, to pad to; n_signals, number of signals
+    (None: the largest id and one); gap_tolerance m, the largest distance from a lane's end to its successor's start.
     Raises RoadError on an empty or inconsistent network, with the lane's key.
     """
     index = check(specs, n_points)
@@ -91,7 +88,7 @@ def assemble(
         area_names=tuple(areas),
         n_signals=_count(signals, n_signals),
     )
-    return pad(graph, n_links, n_successors, n_relations, n_signals_per_link)
+    return pad(graph, size)
 
 
 def _floats(x: Any) -> Array:

@@ -13,6 +13,17 @@ from urbanjax.types import RoadError
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
+class RoadStyle:
+    """What the lanes of a made-up road have in common."""
+
+    lane_width: float = 3.5  # m
+    speed_limit: float = 50 / 3.6  # m/s
+    section: float = np.inf  # m, the largest length of a link
+    n_points: int = 32  # per link
+
+
+@no_type_check
+@dataclasses.dataclass(frozen=True)
 class LaneSpec:
     """One lane as a builder or a map reader states it; `assemble` derives everything else."""
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.roadmap.builders import straight
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
@@ -33,7 +34,7 @@ class FollowParams:
 
 def road(params: FollowParams) -> RoadGraph:
     """The road: one lane along y = 0."""
-    return straight(1, params.length, params.lane_width, params.speed_limit)
+    return straight(1, params.length, style=RoadStyle(lane_width=params.lane_width, speed_limit=params.speed_limit))
 
 
 def sample(key: Array, params: FollowParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:

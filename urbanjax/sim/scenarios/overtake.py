@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.roadmap.builders import straight
+from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
@@ -36,7 +37,7 @@ class OvertakeParams:
 
 def road(params: OvertakeParams) -> RoadGraph:
     """The road: link 0 is the left lane, link 1 the right one, whose centre is y = 0."""
-    return straight(2, params.length, params.lane_width, params.speed_limit)
+    return straight(2, params.length, style=RoadStyle(lane_width=params.lane_width, speed_limit=params.speed_limit))
 
 
 def sample(key: Array, params: OvertakeParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:

@@ -8,7 +8,7 @@ import numpy as np
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, Turn
-from urbanjax.roadmap.padding import pad
+from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.types import RoadError
 
 LaneKey = tuple[str, str, int, int]  # from node, to node, lane id, piece
@@ -68,7 +68,14 @@ def read_network(
     graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN)
     if buckets:
         relations = _bucket(graph.opposite.shape[1], RELATIONS)
-        graph = pad(graph, _bucket(len(specs), LINKS), _bucket(graph.successor.shape[1], RELATIONS), relations)
+        graph = pad(
+            graph,
+            size=GraphSize(
+                n_links=_bucket(len(specs), LINKS),
+                n_successors=_bucket(graph.successor.shape[1], RELATIONS),
+                n_relations=relations,
+            ),
+        )
     return graph, tuple(spec.key for spec in specs)
 
 

@@ -11,7 +11,7 @@ from urbanjax.course import Course
 from urbanjax.roadmap.corridor import CorridorParams, corridor_along
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route
-from urbanjax.types import RouteError, RouteStatus
+from urbanjax.types import RouteError, Status
 
 BODY = 6.0  # m, a vehicle's length and a bit
 
@@ -58,8 +58,8 @@ def course_to(graph: RoadGraph, start: int, destination: Destination, params: Co
     if not np.isfinite(cost):
         raise RouteError(f"none of the goals {destination.goals} can be reached from link {start}")
     course, status = _course(graph, start, goal, destination.laps, RouteParams(), params)
-    if int(status) != RouteStatus.OK:
-        raise RouteError(f"no route from link {start} to link {goal}: {RouteStatus(int(status)).name}")
+    if int(status) != Status.OK:
+        raise RouteError(f"no route from link {start} to link {goal}: {Status(int(status)).message}")
     return course
 
 
