@@ -113,8 +113,8 @@ def merge(
     """A highway along x with an on-ramp from the right, whose lane runs beside the others and then ends.
 
     Links: three sections of the highway, its lanes from left to right (the middle section has one more, the
-    acceleration lane, without successor), then the ramp. Args: n_lanes; before, parallel, after m, section lengths; ramp
-    m, extent of the ramp along x; style, of the lanes, whose sections are given. The centre of the rightmost through lane is y = 0.
+    acceleration lane, without successor), then the ramp. The centre of the rightmost through lane is y = 0.
+    Args: n_lanes; before, parallel, after m, section lengths; ramp m, extent of the ramp along x; style, of the lanes.
     """
     _check_lanes(n_lanes)
     check_sizes(before=before, parallel=parallel, after=after, ramp=ramp)

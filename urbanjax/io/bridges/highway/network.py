@@ -68,14 +68,12 @@ def read_network(
     graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN)
     if buckets:
         relations = _bucket(graph.opposite.shape[1], RELATIONS)
-        graph = pad(
-            graph,
-            size=GraphSize(
-                n_links=_bucket(len(specs), LINKS),
-                n_successors=_bucket(graph.successor.shape[1], RELATIONS),
-                n_relations=relations,
-            ),
+        size = GraphSize(
+            n_links=_bucket(len(specs), LINKS),
+            n_successors=_bucket(graph.successor.shape[1], RELATIONS),
+            n_relations=relations,
         )
+        graph = pad(graph, size)
     return graph, tuple(spec.key for spec in specs)
 
 
