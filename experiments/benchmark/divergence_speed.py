@@ -87,11 +87,11 @@ def measure(study: DivergenceSpeedStudy, tick: Tick = lambda label: None) -> dic
 
 def _compiled(params: DivergenceParams, teams: int, n: int, pairs: Pairs) -> Any:
     points, valid = jax.ShapeDtypeStruct((teams, n, 2), jnp.float32), jax.ShapeDtypeStruct((teams, n), bool)
-    return jax.jit(divergence, static_argnums=(3,)).lower(points, valid, params, pairs).compile()
+    return jax.jit(divergence, static_argnames="pairs").lower(points, valid, params=params, pairs=pairs).compile()
 
 
 def _values(program: Any, params: DivergenceParams, points: jax.Array, valid: jax.Array) -> jax.Array:
-    return program(points, valid, params).value[:, 0]
+    return program(points, valid, params=params).value[:, 0]
 
 
 def _beside(

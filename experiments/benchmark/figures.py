@@ -18,7 +18,7 @@ def draw(numbers: dict[str, float], path: Path) -> None:
     ending = "_bytes_per_point"
     names = [key.removeprefix("divergence_").removesuffix(ending) for key in numbers if key.endswith(ending)]
     sizes = sorted({int(key.split("_")[2]) for key in numbers if _is_time_of_pair(key)})
-    with figure(path, 10.0, 3.6) as canvas:
+    with figure(path, 10.0, height=3.6) as canvas:
         first, second, third = canvas.subplots(1, 3)
         for axes, kind, title in ((first, "gaussian", "N(0, I) in N(0, 4 I)"), (second, "course", "Laps of a course")):
             for who, colour, style, label in LINES:

@@ -29,7 +29,7 @@ def draw_fan(study: CandidateStudy, path: Path) -> None:
     broken = np.asarray(plan.reasons).any(axis=0).ravel()
     cost = np.asarray(plan.terms).sum(axis=0).ravel()
     order = np.argsort(-cost)
-    with figure(path, 10.0, 4.2) as canvas:
+    with figure(path, 10.0, height=4.2) as canvas:
         axes = canvas.subplots()
         _road(axes, here.path)
         axes.add_collection(LineCollection([*points[broken]], colors=OTHER, linewidths=0.4, alpha=0.35))
@@ -64,7 +64,7 @@ def draw_times(numbers: dict[str, float], path: Path) -> None:
     )
     pattern = "candidates_", "_handed_back_ms"
     sizes = sorted(int(k[len(pattern[0]) : -len(pattern[1])]) for k in numbers if k.endswith(pattern[1]))
-    with figure(path, 6.4, 4.0) as canvas:
+    with figure(path, 6.4, height=4.0) as canvas:
         axes = canvas.subplots()
         for key, colour, style, label in lines:
             if all(key.format(n) in numbers for n in sizes):

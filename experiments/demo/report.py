@@ -13,5 +13,5 @@ def write(params: DemoStudy, run: Run) -> None:
     """Run both and say where the report is."""
     sections = [overtake.section(params.overtake, run), highway.section(params.highway, run)]
     path = run.path("report.html")
-    report.write_report(path, "urbanjax: a first look", sections, run.manifest("complete"))
+    report.write_report(path, "urbanjax: a first look", sections=sections, manifest=run.manifest("complete"))
     print(f"report: {os.path.relpath(path)}")

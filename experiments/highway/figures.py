@@ -12,7 +12,7 @@ from urbanjax.io.figures.style import BAD, GOOD, LINE, figure
 def draw(rows: dict[str, list[Any]], path: Path) -> None:
     """Mean speed of each drive: ours against the IDM vehicle's in the same traffic; collisions are crosses."""
     envs = list(dict.fromkeys(rows["env"]))
-    with figure(path, 2.6 * len(envs), 3.0) as canvas:
+    with figure(path, 2.6 * len(envs), height=3.0) as canvas:
         for axis, env in zip(np.atleast_1d(canvas.subplots(1, len(envs))), envs, strict=True):
             pairs = _pairs(rows, env)
             if not pairs:

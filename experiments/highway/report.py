@@ -24,7 +24,7 @@ def section(params: HighwayStudy, run: Run) -> report.Section:
             run.table("highway", highway.scores(episodes, params.duration))
             if episode.frames:
                 path = run.path(f"{episode.env}.gif")
-                animation.write_gif(path, episode.frames, 2.5 * FREQUENCY / params.gif_every)
+                animation.write_gif(path, episode.frames, rate=2.5 * FREQUENCY / params.gif_every)
                 items.append(report.Picture(f"{episode.env}, seed {episode.seed}, 2.5 times as fast", path))
     rows = highway.scores(episodes, params.duration)
     run.table("highway_tracks", highway.tracks(episodes))
@@ -40,4 +40,6 @@ def section(params: HighwayStudy, run: Run) -> report.Section:
 def write(params: HighwayStudy, run: Run) -> None:
     """Run the study and write its report."""
     shown = section(params, run)
-    report.write_report(run.path("report.html"), "urbanjax in highway-env", [shown], run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"), "urbanjax in highway-env", sections=[shown], manifest=run.manifest("complete")
+    )

@@ -45,11 +45,11 @@ def drives(study: HighwayStudy, tick: Any = lambda label, share: None) -> Iterat
                 yield drive(
                     env,
                     (name, who),
-                    ours if who == STACK else baseline,
-                    seed,
-                    study.duration,
-                    every,
-                    lambda step, at=done, text=label: tick(text, (at + step / steps) / total),
+                    driver=ours if who == STACK else baseline,
+                    seed=seed,
+                    duration=study.duration,
+                    frame_every=every,
+                    tick=lambda step, at=done, text=label: tick(text, (at + step / steps) / total),
                 )
                 done += 1
         env.close()

@@ -21,7 +21,7 @@ def draw_fig7(world: World, methods: list[Method], path: Path) -> None:
     truth = np.asarray(world.tour.ego.position)
     named = {m.name: m for m in methods}
     some = [named[name] for name in COLOURS]
-    with figure(path, 10.5, 5.4) as canvas:
+    with figure(path, 10.5, height=5.4) as canvas:
         grid = canvas.add_gridspec(2, 2, width_ratios=(1.6, 1.0))
         whole, drift, lost = (canvas.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
         for axes in (whole, drift, lost):
@@ -61,7 +61,7 @@ def draw_errors(world: World, methods: list[Method], tracks: dict[str, Localized
     """Error, speed, inlier share and time per scan along the drive."""
     main = tracks["proposed"]
     time = np.asarray(world.tour.time)
-    with figure(path, 10.0, 7.0) as canvas:
+    with figure(path, 10.0, height=7.0) as canvas:
         axes = canvas.subplots(4, 1, sharex=True)
         for m in methods:
             if m.name in COLOURS:
@@ -82,7 +82,7 @@ def draw_faults(faults: list[InjectedFault], period: float, path: Path) -> None:
     """Error and state over time around each failure, one column per kind."""
     kinds = [kind for kind in KINDS if any(fault.kind == kind for fault in faults)]
     colours = shades(len(Health))
-    with figure(path, 11.0, 4.6) as canvas:
+    with figure(path, 11.0, height=4.6) as canvas:
         axes = canvas.subplots(2, len(kinds), sharex="col", sharey="row", squeeze=False)
         for column, kind in enumerate(kinds):
             for fault in (f for f in faults if f.kind == kind):

@@ -103,7 +103,7 @@ def _truth(params: LocalizeStudy, count: int) -> np.ndarray | None:
 
 
 def _draw(poses: np.ndarray, truth: np.ndarray | None, path: Path) -> None:
-    with figure(path, 6.0, 5.0) as canvas:
+    with figure(path, 6.0, height=5.0) as canvas:
         axes = canvas.subplots()
         if truth is not None:
             axes.plot(truth[:, 0, 3], truth[:, 1, 3], ".-", color=BAD, label="given poses")

@@ -184,7 +184,7 @@ def draw(loops: Loops, path: Path) -> None:
     ahead = ahead / np.linalg.norm(ahead)
     away = loops.position - loops.position[:, :, :1]
     along, aside = away @ ahead, away @ np.array([-ahead[1], ahead[0]])
-    with figure(path, 10.0, 5.0) as canvas:
+    with figure(path, 10.0, height=5.0) as canvas:
         axes = canvas.subplots(2, 1)
         for i, tau in enumerate(loops.taus):
             for s in range(loops.progress.shape[1]):

@@ -119,4 +119,4 @@ def write(params: LocalizeStudy, run: Run) -> None:
             sections.append(failures(params, world, tracks, run))
         if params.loop.starts:
             sections.append(closed_loop(params, world, run))
-    report.write_report(run.path("report.html"), "Localization", sections, run.manifest("complete"))
+    report.write_report(run.path("report.html"), "Localization", sections=sections, manifest=run.manifest("complete"))

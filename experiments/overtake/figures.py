@@ -25,7 +25,7 @@ def exemplar(study: Fig10) -> int:
 def draw_fig10(study: Fig10, path: Path, start: int) -> None:
     """The paper's three panels for one start: driven trajectories, speed and progress over time."""
     colours = shades(len(study.taus))
-    with figure(path, 10.0, 5.2) as canvas:
+    with figure(path, 10.0, height=5.2) as canvas:
         grid = canvas.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
         left, top, bottom = (canvas.add_subplot(place) for place in (grid[:, 0], grid[0, 1], grid[1, 1]))
         _trajectories(left, study, start, colours)
@@ -72,7 +72,7 @@ def _trajectories(axes: Any, study: Fig10, start: int, colours: list) -> None:
 def draw_means(study: Fig10, path: Path) -> None:
     """Terminal progress, speed drop and collisions against tau over all paired starts, with and without the clamp."""
     positions = np.arange(len(study.taus))
-    with figure(path, 10.0, 3.0) as canvas:
+    with figure(path, 10.0, height=3.0) as canvas:
         axes = canvas.subplots(1, 3)
         for axis, values, title, unit in (
             (axes[0], study.progress, "Terminal progress", "m"),

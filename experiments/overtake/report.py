@@ -33,7 +33,7 @@ def section(params: OvertakeStudy, run: Run) -> report.Section:
     if params.gif_every:
         graph = overtaking.scene(params)[0].graph
         frames = figures.pictures(found, graph, start, params.gif_every)
-        animation.write_gif(run.path("overtake.gif"), frames, 1.0 / (params.gif_every * params.period))
+        animation.write_gif(run.path("overtake.gif"), frames, rate=1.0 / (params.gif_every * params.period))
         items.append(report.Picture("The same start at every tau, in real time.", run.path("overtake.gif")))
     return report.Section("Overtaking: aggressiveness against progress", [], items)
 
@@ -41,4 +41,6 @@ def section(params: OvertakeStudy, run: Run) -> report.Section:
 def write(params: OvertakeStudy, run: Run) -> None:
     """Run the study and write its report."""
     shown = section(params, run)
-    report.write_report(run.path("report.html"), "Overtaking at five values of tau", [shown], run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"), "Overtaking at five values of tau", sections=[shown], manifest=run.manifest("complete")
+    )

@@ -45,7 +45,7 @@ def seen_from_ego(found: Moment) -> Moment:
 def draw(moment: Moment, path: Path) -> None:
     """Above the fan by cost, below the macro lattice by the marginals of the soft plan, in the ego's frame."""
     found = seen_from_ego(moment)
-    with figure(path, 10.5, 5.6) as canvas:
+    with figure(path, 10.5, height=5.6) as canvas:
         upper, lower = canvas.subplots(2, 1)
         for axes in (upper, lower):
             draw_road(axes, found.course.graph)
@@ -53,7 +53,7 @@ def draw(moment: Moment, path: Path) -> None:
         bar = _fan(upper, found)
         canvas.colorbar(bar, ax=upper, label="cost above the least [m]", pad=0.01)
         upper.set_title("a  primitives by cost (grey: a limit is broken), the chosen one, predicted traffic")
-        bar = draw_macro(lower, found.window, found.soft.macro)
+        bar = draw_macro(lower, found.window, plan=found.soft.macro)
         canvas.colorbar(bar, ax=lower, label="marginal of the node", pad=0.01)
         lower.set_title("b  macro lattice, marginals of the soft plan")
         for axes in (upper, lower):
@@ -64,11 +64,11 @@ def _traffic(axes: Any, found: Moment) -> None:
     objects, future = found.observation.objects, found.prediction
     there = np.asarray(objects.valid)
     boxes = np.column_stack([objects.position, objects.heading, objects.length, objects.width])[there]
-    draw_boxes(axes, boxes, OTHER)
+    draw_boxes(axes, boxes, colour=OTHER)
     for way, valid in zip(np.asarray(future.position), np.asarray(future.valid), strict=True):
         if valid:
             axes.plot(*way.T, ".", color=OTHER, ms=2.5, alpha=0.7, zorder=4)
-    draw_boxes(axes, found.ego[None], GOOD)
+    draw_boxes(axes, found.ego[None], colour=GOOD)
 
 
 def _fan(axes: Any, found: Moment) -> Any:

@@ -36,5 +36,8 @@ def write(params: PlanStudy, run: Run) -> None:
         report.Table(caption, columns),
     ]
     report.write_report(
-        run.path("report.html"), "One plan", [report.Section("Why this plan", [], items)], run.manifest("complete")
+        run.path("report.html"),
+        "One plan",
+        sections=[report.Section("Why this plan", [], items)],
+        manifest=run.manifest("complete"),
     )

@@ -31,14 +31,16 @@ def draw_course(lap: Lap, path: Path) -> None:
     nodes = jnp.asarray(lap.hard[1].argmax(1))
     line = jax.tree.map(np.asarray, driven(lap.course.corridor, lattice, nodes, 12))
     position, edges = np.asarray(lattice.position), lap.hard[2] > 0.5
-    with figure(path, 11.0, 5.6) as canvas:
+    with figure(path, 11.0, height=5.6) as canvas:
         whole, near = canvas.subplots(1, 2)
         for axes in (whole, near):
             draw_road(axes, lap.course.graph)
-        draw_lattice(whole, position, lap.soft[1], there, path=line.position, size=3.0)
+        draw_lattice(whole, position, weight=lap.soft[1], there=there, path=line.position, size=3.0)
         whole.set_title(f"Lattice of {there.sum()} nodes, cheapest lap")
         usable = np.asarray(lattice.edge)[: len(edges)] > 0.5
-        dots = draw_lattice(near, position, lap.soft[1], there, usable, line.position, size=16.0)
+        dots = draw_lattice(
+            near, position, weight=lap.soft[1], there=there, edges=usable, path=line.position, size=16.0
+        )
         middle, reach = line.position[np.abs(line.curvature).argmax()], 28.0
         near.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
         near.set_title("Its sharpest bend: nodes by marginal, edges, lap")
@@ -57,20 +59,20 @@ def draw_macro(path: Path, temperature: float) -> None:
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position=position, heading=heading, speed=zero + 10, acceleration=zero, steering=zero)
     place = Progress(station=zero + 30, offset=zero, heading_error=zero)
-    with figure(path, 11.0, 3.4) as canvas:
+    with figure(path, 11.0, height=3.4) as canvas:
         both, dots = canvas.subplots(1, 2), None
         for axes, mode in zip(both, ("hard", "soft"), strict=True):
             relaxation = as_arrays(Relaxation(temperature, mode=mode))
             plan = _macro(ahead, place, ego, leader, as_arrays(nothing(params.n_layers)), vehicle, params, relaxation)
             draw_road(axes, graph)
             axes.set(xlim=(20, 140), ylim=(-15, 45))
-            dots = lattices.draw_macro(axes, ahead, plan)
-            draw_boxes(axes, _box(position, heading, vehicle), GOOD)
+            dots = lattices.draw_macro(axes, ahead, plan=plan)
+            draw_boxes(axes, _box(position, heading, vehicle), colour=GOOD)
             shown = np.arange(0, leader.time.shape[0], 4)
             boxes = [
                 np.r_[leader.position[0, k], leader.heading[0, k], leader.length[0], leader.width[0]] for k in shown
             ]
-            draw_boxes(axes, np.array(boxes), OTHER)
+            draw_boxes(axes, np.array(boxes), colour=OTHER)
             axes.set(title=f"Macro plan, {mode}" + (f", temperature {temperature:g}" if mode == "soft" else ""))
         canvas.colorbar(dots, ax=both[1], label="weight of the node", shrink=0.8)
 

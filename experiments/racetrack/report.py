@@ -33,4 +33,6 @@ def section(params: RacetrackStudy, run: Run) -> report.Section:
 def write(params: RacetrackStudy, run: Run) -> None:
     """Run the study and write its report."""
     shown = section(params, run)
-    report.write_report(run.path("report.html"), "Racetrack lattice", [shown], run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"), "Racetrack lattice", sections=[shown], manifest=run.manifest("complete")
+    )

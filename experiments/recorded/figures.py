@@ -21,7 +21,7 @@ def draw_scene(scene: RecordedScene, drives: Sequence[Drive], path: Path) -> Non
     tracks = np.concatenate([(d.human_path if len(d.human_path) else d.path)[:, :2] for d in drives])
     low, high = tracks.min(0) - MARGIN, tracks.max(0) + MARGIN
     size = 10.0 / max(high - low) * (high - low)
-    with figure(path, max(size[0], 4.0) + 0.8, max(size[1], 2.2) + 0.6) as canvas:
+    with figure(path, max(size[0], 4.0) + 0.8, height=max(size[1], 2.2) + 0.6) as canvas:
         axes = canvas.add_subplot()
         draw_road(axes, scene.graph)
         for i, drive in enumerate(drives):
@@ -29,7 +29,7 @@ def draw_scene(scene: RecordedScene, drives: Sequence[Drive], path: Path) -> Non
             if len(drive.human_path):
                 axes.plot(*drive.human_path[:, :2].T, color=OTHER, lw=2.6, alpha=0.6, label=None if i else "recorded")
             axes.plot(*drive.path[:, :2].T, color=colour, lw=1.1, label=None if i else "stack")
-            draw_boxes(axes, np.array([[*drive.path[-1], drive.length, drive.width]]), colour, filled=False)
+            draw_boxes(axes, np.array([[*drive.path[-1], drive.length, drive.width]]), colour=colour, filled=False)
             if drive.contact_time is not None:
                 k = min(round(drive.contact_time / drive.period), len(drive.path) - 1)
                 axes.plot(*drive.path[k, :2], "x", color=BAD, ms=9, mew=2, zorder=7)
@@ -39,7 +39,7 @@ def draw_scene(scene: RecordedScene, drives: Sequence[Drive], path: Path) -> Non
 
 def draw_summary(drives: Sequence[Drive], path: Path) -> None:
     """Progress of every drive beside the recorded one, and comfort of both."""
-    with figure(path, 10.5, 3.8) as canvas:
+    with figure(path, 10.5, height=3.8) as canvas:
         left, middle, right = canvas.subplots(1, 3)
         top = 1.05 * max(max(d.way, d.human_way) for d in drives)
         left.plot([0, top], [0, top], color=OTHER, lw=0.8)

@@ -54,4 +54,9 @@ def write(params: RecordedStudy, run: Run) -> None:
 
 def _report(run: Run, items: list) -> None:
     section = report.Section("Among recorded traffic", [], items)
-    report.write_report(run.path("report.html"), "urbanjax among recorded traffic", [section], run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"),
+        "urbanjax among recorded traffic",
+        sections=[section],
+        manifest=run.manifest("complete"),
+    )

@@ -29,7 +29,7 @@ def draw_rows(
     numbers = {s: [k + 1 for k, row in enumerate(PAPER) if row.setting == s] for s in settings}
     labels = {s: f"{min(n)}" if len(n) == 1 else f"{min(n)}-{max(n)}" for s, n in numbers.items()}
     styles = dict(zip(settings, _styles(settings), strict=True))
-    with figure(path, 10.5, 7.0) as canvas:
+    with figure(path, 10.5, height=7.0) as canvas:
         grid = canvas.add_gridspec(2, 2, width_ratios=(2.2, 1.0))
         for i, (start, words) in enumerate(STARTS.items()):
             axes = canvas.add_subplot(grid[i, 0])
@@ -83,7 +83,7 @@ def _bars(axes: Any, tracks: dict, settings: list[Setting], labels: dict[Setting
 def draw_effects(grid: Grid, limit: float, period: float, path: Path) -> None:
     """Success and time against each axis, over all others, one line per method."""
     others = [name for name in grid.axes if name != "method"]
-    with figure(path, 11.0, 5.2) as canvas:
+    with figure(path, 11.0, height=5.2) as canvas:
         axes = canvas.subplots(2, len(others) + 1, sharex="col", sharey="row")
         for m, method in enumerate(grid.axes["method"]):
             style = {"color": COLOURS[method], "ms": 4, "label": method}
@@ -137,7 +137,7 @@ def draw_cells(grid: Grid, limit: float, path: Path) -> None:
             (0, 1.6 * float(np.median(grid.total, -1).max())),
         ),
     )
-    with figure(path, 12.5, 1.6 + 0.34 * n_down) as canvas:
+    with figure(path, 12.5, height=1.6 + 0.34 * n_down) as canvas:
         for axes, (values, title, colours, (low, high)) in zip(canvas.subplots(1, 2), shown, strict=True):
             flat = values.reshape(n_down, -1)
             axes.imshow(flat, cmap=colours, vmin=low, vmax=high, aspect="auto")
@@ -164,7 +164,7 @@ def draw_thresholds(grid: Grid, limit: float, path: Path) -> None:
     """Matching errors of right and wrong registrations by method and voxel, with the paper's thresholds."""
     methods, voxels = grid.axes["method"], grid.axes["voxel [m]"]
     bins = np.linspace(0, 1.0, 61)
-    with figure(path, 10.0, 2.2 * len(methods) + 0.4) as canvas:
+    with figure(path, 10.0, height=2.2 * len(methods) + 0.4) as canvas:
         axes = canvas.subplots(len(methods), len(voxels), sharex=True, squeeze=False)
         for (m, v), axis in np.ndenumerate(axes):
             wrong = (grid.distance[m, v] > limit).ravel()
@@ -189,7 +189,7 @@ def draw_calibration(found: Calibration, path: Path) -> None:
     """Normalised squared errors of the test set against chi^2, and coverage against its nominal value."""
     chi = stats.chi2(DEGREES)
     nees = found.test.nees / found.scale
-    with figure(path, 10.5, 3.4) as canvas:
+    with figure(path, 10.5, height=3.4) as canvas:
         left, middle, right = canvas.subplots(1, 3)
         edges = np.linspace(0, 16, 41)
         left.hist(np.minimum(nees, 15.99), edges, density=True, color=GOOD, alpha=0.6, label=f"{len(nees)} test errors")

@@ -160,4 +160,6 @@ def write(study: RegisterStudy, run: Run) -> None:
     text = f"{sum(made.values())} programs were compiled in {bench.programs.seconds:.0f} s, one for each set of shapes."
     counts = report.Table("Programs by function.", {"function": list(made), "programs": list(made.values())})
     sections.append(report.Section("Programs", [text], [counts]))
-    report.write_report(run.path("report.html"), "Registration (Table I)", sections, run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"), "Registration (Table I)", sections=sections, manifest=run.manifest("complete")
+    )

@@ -61,15 +61,15 @@ def compare(study: TrafficStudy, teams: Teams, tick: Tick) -> Comparison:
     if params.ties == "error":
         _refuse_ties(teams, estimate, pairs)
     tick("P(x | z)", 0.2)
-    given = _conditional(arrays[2], station_bin, valid, bins, params, pairs, key)
+    given = _conditional(arrays[2], station_bin, valid=valid, bins=bins, params=params, pairs=pairs, key=key)
     block, resampling = _blocks(study, teams)
-    masks = half_samples(valid, block, jax.random.fold_in(key, 1), resampling, paired=True)
+    masks = half_samples(valid, block, key=jax.random.fold_in(key, 1), params=resampling, paired=True)
     draws = []
     for k, mask in enumerate(masks):
         tick("intervals", 0.3 + 0.3 * k / len(masks))
         draws.append(_column(*evaluate(points, mask)))
     drawn, fine = (jnp.stack(side) for side in zip(*draws, strict=True))
-    found = spread(*_column(estimate, away, there), drawn, fine, resampling)
+    found = spread(*_column(estimate, away, there), drawn=drawn, fine=fine, params=resampling)
     tick("laps dealt out anew", 0.6)
     swap = swapped(study, teams, params, arrays, bins, pairs)
     tick("routes", 0.8)
@@ -107,9 +107,9 @@ def _evaluate(
 
     One program for the whole, for areas and for draws.
     """
-    away, found = distances(points, pairs, neighbours(points, mask, pairs, (1,)))
+    away, found = distances(points, pairs, index=neighbours(points, mask, pairs=pairs, ranks=(1,)))
     near = similarity.summarised(away[:, 0], found[:, 0])
-    return divergence(points, mask, params, pairs, key), near, jnp.any(found[:, 0], axis=-1)
+    return divergence(points, mask, params=params, pairs=pairs, key=key), near, jnp.any(found[:, 0], axis=-1)
 
 
 def _column(estimate: Estimate, away: similarity.Distances, there: Array) -> tuple[Array, Array]:
@@ -118,13 +118,17 @@ def _column(estimate: Estimate, away: similarity.Distances, there: Array) -> tup
     return values, jnp.concatenate([estimate.valid, there[:, None]], axis=1)
 
 
-_conditional = jax.jit(conditional, static_argnums=(3, 5))
+_conditional = jax.jit(conditional, static_argnames=("bins", "pairs"))
 _dimension = jax.jit(effective_dimension)
 
 
 @jax.jit
 def _routes(x: Array, y: Array, x_mask: Array, y_mask: Array) -> similarity.Similarity:
-    return jax.lax.map(lambda pair: similarity.between_lines(*pair), (x, y, x_mask, y_mask))
+    def pair(sides: tuple[Array, ...]) -> similarity.Similarity:
+        x, y, x_mask, y_mask = sides
+        return similarity.between_lines(x, y, x_mask=x_mask, y_mask=y_mask)
+
+    return jax.lax.map(pair, (x, y, x_mask, y_mask))
 
 
 def _bins(study: TrafficStudy, teams: Teams) -> tuple[Array, int]:

@@ -53,13 +53,13 @@ def _deal(
 ) -> LapSwap:
     def statistic(mask: Array) -> tuple[Array, Array]:
         one, key = ((0, 1),), jax.random.key(0)
-        whole = divergence(jnp.stack([points, points]), mask, params, one, key)
+        whole = divergence(jnp.stack([points, points]), mask, params=params, pairs=one, key=key)
         sides = jnp.stack([offset, offset]), jnp.stack([station_bin, station_bin])
-        given = conditional(*sides, mask, bins, params, one, key)
+        given = conditional(*sides, valid=mask, bins=bins, params=params, pairs=one, key=key)
         values, fine = (whole.value[0], given.value[0]), (whole.valid[0], given.valid[0])
         return jnp.concatenate(values), jnp.concatenate(fine)
 
-    return lap_swap(statistic, run, valid, deals)
+    return lap_swap(statistic, run, valid=valid, deals=deals)
 
 
 def _deals(first: int, second: int, most: int, rng: np.random.Generator) -> np.ndarray:

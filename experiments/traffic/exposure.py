@@ -37,7 +37,7 @@ def exposures(rollouts: Fig10, params: SafetyParams) -> Summary:
             width=boxes[..., 4],
             valid=jnp.broadcast_to(jnp.concatenate([jnp.ones(1, bool), present])[None], boxes.shape[:2]),
         )
-        return jax.tree.map(lambda v: v[0], measure(tracks, dt, as_arrays(params)).summary)
+        return jax.tree.map(lambda v: v[0], measure(tracks, dt, params=as_arrays(params)).summary)
 
     velocity = np.gradient(rollouts.others[:, 0, :, :, :, :2], dt, axis=2)
     moving = np.hypot(velocity[..., 0], velocity[..., 1])

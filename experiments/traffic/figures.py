@@ -1,19 +1,25 @@
 """Teams on one course as pictures: matrices, where routes coincide, distributions, and the null of dealt-out laps."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from jax import Array
 
 from experiments.traffic.compare import Comparison
 from experiments.traffic.teams import Teams
 from urbanjax.io.figures.style import BAD, LINE, OTHER, figure
-from urbanjax.traffic.course.line import profile
+from urbanjax.traffic.course.line import Profile, profile
 
 PROFILE_BINS = 200
 
-_profiles = jax.jit(jax.vmap(profile, in_axes=(0, 0, 0, None, None)), static_argnums=4)
+
+@partial(jax.jit, static_argnames="bins")
+def _profiles(station: Array, offset: Array, mask: Array, length: float, bins: int) -> Profile:
+    each = jax.vmap(lambda s, d, m: profile(s, d, mask=m, length=length, bins=bins))
+    return each(station, offset, mask)
 
 
 def colours(count: int) -> list[Any]:
@@ -34,7 +40,7 @@ def draw_matrices(teams: Teams, found: Comparison, path: Path) -> None:
         ("d  mean distance [m]", found.samples.mean, np.ones(len(found.pairs), bool)),
     ]
     size = 0.42 * n + 1.0
-    with figure(path, 4 * size + 0.4, size + 0.5) as canvas:
+    with figure(path, 4 * size + 0.4, height=size + 0.5) as canvas:
         for axes, (title, values, valid) in zip(canvas.subplots(1, 4), panels, strict=True):
             grid = np.full((n, n), np.nan)
             for (i, j), value, good in zip(found.pairs, values, valid, strict=True):
@@ -58,7 +64,7 @@ def draw_routes(teams: Teams, path: Path) -> None:
     """Where routes coincide: the course by the spread of the teams' mean offsets, and those offsets by station."""
     from matplotlib.collections import LineCollection
 
-    found = _profiles(teams.station, teams.offset, teams.valid, teams.length, PROFILE_BINS)
+    found = _profiles(teams.station, teams.offset, teams.valid, teams.length, bins=PROFILE_BINS)
     mean = np.where(found.count > 0, found.mean, np.nan)
     known = np.isfinite(mean).sum(0) > 1
     spread = np.full(PROFILE_BINS, np.nan)
@@ -67,7 +73,7 @@ def draw_routes(teams: Teams, path: Path) -> None:
     line = np.concatenate([teams.line, teams.line[:1]]) if teams.closed else teams.line
     along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     at = np.stack([np.interp(np.linspace(0, along[-1], PROFILE_BINS + 1), along, axis) for axis in line.T], 1)
-    with figure(path, 11.0, 4.6) as canvas:
+    with figure(path, 11.0, height=4.6) as canvas:
         left, right = canvas.subplots(1, 2, width_ratios=(1, 1.4))
         parts = LineCollection(list(np.stack([at[:-1], at[1:]], 1)), array=spread, cmap="viridis_r", lw=5)
         left.add_collection(parts)
@@ -96,7 +102,7 @@ def _shade(axes: Any, teams: Teams) -> None:
 def draw_distributions(teams: Teams, path: Path) -> None:
     """Distributions of lateral offset, speed and time of a run, team by team."""
     panels = [("a  offset [m]", teams.offset), ("b  speed [m/s]", teams.speed)]
-    with figure(path, 11.0, 3.6) as canvas:
+    with figure(path, 11.0, height=3.6) as canvas:
         *two, last = canvas.subplots(1, 3)
         for axes, (title, values) in zip(two, panels, strict=True):
             shown = np.concatenate([v[m] for v, m in zip(values, teams.valid, strict=True)])
@@ -117,7 +123,7 @@ def draw_null(teams: Teams, found: Comparison, path: Path) -> None:
     c, last = found.middle, len(found.ks)
     labels = [f"{teams.names[i]} | {teams.names[j]}" for i, j in found.pairs]
     where = np.arange(len(labels))
-    with figure(path, 9.5, 0.17 * len(labels) + 1.4) as canvas:
+    with figure(path, 9.5, height=0.17 * len(labels) + 1.4) as canvas:
         left, right = canvas.subplots(1, 2, sharey=True)
         panels = (left, c, "a  divergence less the mean of all deals [nats]"), (right, last + c, "b  given the station")
         for axes, k, title in panels:

@@ -60,9 +60,9 @@ def _estimates(points: jax.Array, params: DivergenceParams, pairs: tuple) -> tup
     valid = jnp.ones(points.shape[:2], bool)
     value = jnp.zeros((len(pairs), len(params.ks)), points.dtype)
     different = tuple(pair for pair in pairs if pair[0] != pair[1])
-    found = divergence(points, valid, params, different)
+    found = divergence(points, valid, params=params, pairs=different)
     value = value.at[jnp.asarray([pairs.index(pair) for pair in different])].set(found.value)
-    away, there = distances(points, pairs, neighbours(points, valid, pairs, params.ks))
+    away, there = distances(points, pairs, index=neighbours(points, valid, pairs=pairs, ranks=params.ks))
     logs = jnp.log(jnp.where(there & (away > 0), away, 1))
     return value, jnp.exp(jnp.sum(logs, axis=-1) / jnp.sum(there & (away > 0), axis=-1))
 
@@ -134,7 +134,7 @@ def draw(found: Sweep, path: Path) -> None:
     On a closed lap the offset lies beside the road by the cosine of its angle to it only, whose logarithm is -log 2 on
     average.
     """
-    with figure(path, 11.0, 4.0) as canvas:
+    with figure(path, 11.0, height=4.0) as canvas:
         left, *grids = canvas.subplots(1, 3, width_ratios=(1.5, 1, 1))
         others, colours = _others(found), shades(len(found.ks) + 1)
         for c, (k, colour) in enumerate(zip(found.ks, colours, strict=False)):

@@ -19,8 +19,8 @@ from urbanjax.traffic.safety.exposure import time_exposed, time_integrated
 from urbanjax.traffic.safety.following import required_deceleration, time_gap, time_to_collision
 from urbanjax.types import as_arrays
 
-_gains, _transfer = jax.jit(stability.gains), jax.jit(transfer.transfer, static_argnums=3)
-_intervals = jax.jit(stability.bootstrapped, static_argnums=(3, 4))
+_gains, _transfer = jax.jit(stability.gains), jax.jit(transfer.transfer, static_argnames="length")
+_intervals = jax.jit(stability.bootstrapped, static_argnames=("block", "draws"))
 _diagram = jax.jit(edie.diagram)
 
 
@@ -83,12 +83,12 @@ def _platoon(members: list[VehicleLog], study: PlatoonStudy, threshold: float, s
     moving = _longest(np.all((speed > study.moving) | ~valid, axis=0) & np.any(valid, axis=0))
     key = jax.random.key(seed)
     ahead = np.concatenate([speed[:1], speed[:-1]])
-    close = tuple(jnp.asarray(x, jnp.float32) for x in (gap, speed, ahead))
+    space, own, front = (jnp.asarray(x, jnp.float32) for x in (gap, speed, ahead))
     # Standing, antennas may be closer than a length and speeds are noise: contact is measured while all drive.
     driving = (np.arange(len(time)) >= moving.start) & (np.arange(len(time)) < moving.stop)
-    close = (jnp.where(jnp.asarray(driving)[None], close[0], jnp.inf), *close[1:])
-    ttc = time_to_collision(*close)
-    counted = ttc, jnp.asarray(valid), jnp.asarray(dt, jnp.float32), jnp.asarray(threshold, jnp.float32)
+    space = jnp.where(jnp.asarray(driving)[None], space, jnp.inf)
+    ttc = time_to_collision(space, own, front_speed=front)
+    counted = {"dt": jnp.asarray(dt, jnp.float32), "threshold": jnp.asarray(threshold, jnp.float32)}
     flow = _flows(time, position, located, gap, study)
     return Platoon(
         name=name,
@@ -100,12 +100,12 @@ def _platoon(members: list[VehicleLog], study: PlatoonStudy, threshold: float, s
         spread=np.asarray(_gains(*_arrays(speed, valid)).spread),
         whole=_gain(time, speed, valid, slice(0, len(time)), study, key),
         moving=_gain(time, speed, valid, moving, study, key) if moving.stop - moving.start > 10 else None,
-        spectra=jax.device_get(_transfer(*_arrays(speed, valid), 1 / dt, min(study.segment, len(time)))),
-        headway=np.asarray(time_gap(close[0], close[1])),
+        spectra=jax.device_get(_transfer(*_arrays(speed, valid), rate=1 / dt, length=min(study.segment, len(time)))),
+        headway=np.asarray(time_gap(space, own)),
         ttc=np.asarray(ttc),
-        deceleration=np.asarray(required_deceleration(*close)),
-        exposed=np.asarray(time_exposed(*counted, Relaxation())),
-        integrated=np.asarray(time_integrated(*counted)),
+        deceleration=np.asarray(required_deceleration(space, own, front_speed=front)),
+        exposed=np.asarray(time_exposed(ttc, jnp.asarray(valid), **counted, relaxation=Relaxation())),
+        integrated=np.asarray(time_integrated(ttc, jnp.asarray(valid), **counted)),
         flow=3600 * np.asarray(flow.flow)[np.asarray(flow.occupied)],
         density=1000 * np.asarray(flow.density)[np.asarray(flow.occupied)],
     )
@@ -153,7 +153,7 @@ def _gain(
     n = arrays[0].shape[1]
     block = min(max(round(float(study.block) / float(study.period)), 1), n)
     level = as_arrays(study.resampling.level)
-    _, chain = _intervals(key, *arrays, block, study.resampling.draws, level)
+    _, chain = _intervals(key, arrays[0], mask=arrays[1], block=block, draws=study.resampling.draws, level=level)
     found = _gains(*arrays)
     start, end = float(time[part.start]), float(time[part.stop - 1])
     return Gain(start, end, float(found.chain_l2), float(chain[0]), float(chain[1]), float(found.chain_linf))
@@ -176,5 +176,5 @@ def _flows(
     stations = np.arange(way[valid].min(), way[valid].max(), metres)
     if len(times) < 2 or len(stations) < 2:
         times, stations = np.array([0.0, time[-1] - time[0]]), np.array([way[valid].min(), way[valid].max()])
-    arrays = way, time - time[0], valid, times, stations
-    return _diagram(*(jnp.asarray(x, bool if x is valid else jnp.float32) for x in arrays))
+    way, time, times, stations = (jnp.asarray(x, jnp.float32) for x in (way, time - time[0], times, stations))
+    return _diagram(way, time, mask=jnp.asarray(valid), times=times, stations=stations)

@@ -10,7 +10,7 @@ from urbanjax.io.figures.style import BAD, GOOD, LINE, figure, shades
 
 def draw_speeds(found: list[Platoon], path: Path) -> None:
     """Speeds over time, vehicle by vehicle from head (dark) to tail (bright)."""
-    with figure(path, 11.0, 2.1 * len(found) + 0.4) as canvas:
+    with figure(path, 11.0, height=2.1 * len(found) + 0.4) as canvas:
         for axes, p in zip(np.atleast_1d(canvas.subplots(len(found), 1)), found, strict=True):
             for speed, valid, colour in zip(p.speed, p.valid, shades(len(p.vehicles)), strict=True):
                 axes.plot(p.time - p.time[0], np.where(valid, speed, np.nan), color=colour, lw=0.9)
@@ -24,7 +24,7 @@ def draw_speeds(found: list[Platoon], path: Path) -> None:
 def draw_summary(found: list[Platoon], path: Path) -> None:
     """Deviation down the platoon, gains with intervals, transfer by frequency, time gaps, flow over density."""
     colours = shades(len(found) + 1)[: len(found)]
-    with figure(path, 11.0, 6.6) as canvas:
+    with figure(path, 11.0, height=6.6) as canvas:
         (a, b, c), (d, e, f) = canvas.subplots(2, 3)
         for p, colour in zip(found, colours, strict=True):
             a.plot(range(1, len(p.spread) + 1), p.spread, "o-", color=colour, ms=3.5, label=p.name)

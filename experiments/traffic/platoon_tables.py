@@ -48,7 +48,7 @@ def vehicle_table(found: list[Platoon]) -> dict[str, list[Any]]:
     """One row per vehicle."""
     rows: dict[str, list[Any]] = {}
     for p in found:
-        peak, at, some = (np.asarray(x) for x in transfer.worst(p.spectra, 0.01, 0.5))
+        peak, at, some = (np.asarray(x) for x in transfer.worst(p.spectra, 0.01, high=0.5))
         for v, vehicle in enumerate(p.vehicles):
             gaps = p.headway[v][p.valid[v] & np.isfinite(p.headway[v])] if v else np.array([])
             row = {

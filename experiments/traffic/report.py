@@ -146,4 +146,6 @@ def write(params: TrafficStudy, run: Run) -> None:
             sections += followed(params, material, run)
         else:
             sections += compared(params, material, run) + exposed(params, material, run)
-    report.write_report(run.path("report.html"), "Traffic analysis", sections, run.manifest("complete"))
+    report.write_report(
+        run.path("report.html"), "Traffic analysis", sections=sections, manifest=run.manifest("complete")
+    )

@@ -62,7 +62,7 @@ def gather(study: TrafficStudy, tick: Callable[[str], None]) -> Material:
         if line is None:
             raise ConfigError("'course.align' needs the line that logs are aligned to: set 'course.line'")
         tick("aligning")
-        alignment = align([log.position for log in kept], line, closed, study.course.frame)
+        alignment = align([log.position for log in kept], line, closed=closed, params=study.course.frame)
         kept = [alignment.frame.log(log) for log in kept]
     return Material(kept, judged, left_out, samples - sum(log.n for log in kept), line, closed, alignment, rollouts)
 
@@ -104,7 +104,7 @@ def driven(study: TrafficStudy, tick: Callable[[str], None]) -> tuple[list[Vehic
         from_arrays(
             f"tau {tau:g}",
             found.time,
-            found.ego[a, 0, s, :, :2],
+            position=found.ego[a, 0, s, :, :2],
             speed=found.speed[a, 0, s],
             heading=found.ego[a, 0, s, :, 2],
             run=f"start {s}",

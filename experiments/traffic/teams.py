@@ -72,7 +72,7 @@ def stack(study: TrafficStudy, material: Material) -> Teams:
     length = 0.0
     for log in material.logs:
         if study.teams.spacing:
-            even = by_length(log, study.teams.spacing, study.teams.longest_gap)
+            even = by_length(log, study.teams.spacing, longest_gap=study.teams.longest_gap)
             dropped["standing"] += even.standing
             dropped["seconds in gaps"] += round(even.gap_time)
             log = even.log
@@ -144,10 +144,10 @@ def _placed(
     points = np.zeros((n, 2), np.float32)
     points[: log.n] = log.position - origin
     mask = np.arange(n) < log.n
-    at = _place(points, mask, line, counts, closed=closed)
+    at = _place(points, mask, line=line, line_mask=counts, closed=closed)
     time = np.pad(log.time - log.time[0], (0, n - log.n), mode="edge").astype(np.float32)
     params = course.laps.replace(tolerance=min(float(course.laps.tolerance), SHORT * float(at.length)))
-    found = _laps(at.station, time, mask, at.length, as_arrays(params), closed=closed)
+    found = _laps(at.station, time, mask=mask, length=at.length, params=as_arrays(params), closed=closed)
     step = np.hypot(*np.diff(log.position, axis=0).T)
     speed = np.interp(log.time, 0.5 * (log.time[1:] + log.time[:-1]), step / np.diff(log.time))
     columns = np.stack([*points.T, np.asarray(at.station), np.asarray(at.offset)], axis=1)[: log.n]
@@ -162,7 +162,7 @@ def _placed(
 
 def middle(logs: list[VehicleLog], study: TeamStudy, closed: bool) -> np.ndarray:
     """The first drive [P, 2], m, at even spacing, in the place of a reference line; if closed, its first lap."""
-    path = by_length(logs[0], max(study.spacing, 1.0), study.longest_gap).log.position
+    path = by_length(logs[0], max(study.spacing, 1.0), longest_gap=study.longest_gap).log.position
     away = np.hypot(*(path - path[0]).T)
     step = np.diff(path, axis=0, append=path[-1:])
     here = (away < max(RETURNED * away.max(), LEAST_RETURNED)) & (step @ step[0] >= 0)
@@ -186,6 +186,6 @@ def named_areas(course: CourseStudy, line: np.ndarray, length: float, closed: bo
     if named:
         return areas(named, length)
     try:
-        return sections(line, course.sections, closed)
+        return sections(line, course.sections, closed=closed)
     except TrafficError:  # too short for two sections
         return areas([("course", 0.0, length)], length)

@@ -80,8 +80,8 @@ def test_nodes_are_coloured_by_weight_and_only_those_there_are_drawn(tmp_path):
     weight[:, 1] = 1.0
     there = np.ones((3, 4), bool)
     there[:, 3] = False
-    with figure(tmp_path / "lattice.png", 3.0, 3.0) as canvas:
+    with figure(tmp_path / "lattice.png", 3.0, height=3.0) as canvas:
         axes = canvas.subplots()
-        dots = lattices.draw_lattice(axes, position, weight, there)
+        dots = lattices.draw_lattice(axes, position, weight=weight, there=there)
         np.testing.assert_array_equal(np.sort(dots.get_offsets(), axis=0), position[:, 1])
         assert len(axes.collections[0].get_offsets()) == 9

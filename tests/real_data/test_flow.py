@@ -10,8 +10,8 @@ from urbanjax.traffic.flow import passages, stability, transfer
 
 pytestmark = pytest.mark.real_data
 RATE = 10.0  # Hz
-GAINS, SPECTRA = jax.jit(stability.gains), jax.jit(transfer.transfer, static_argnums=3)
-INTERVAL = jax.jit(stability.bootstrapped, static_argnums=(3, 4))
+GAINS, SPECTRA = jax.jit(stability.gains), jax.jit(transfer.transfer, static_argnames="length")
+INTERVAL = jax.jit(stability.bootstrapped, static_argnames=("block", "draws"))
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_a_recording_of_eighty_seconds_does_not_tell_the_gain_of_its_platoon(pla
     low, high = {}, {}
     for name in ("short_setting/handling_part14", "no_ACC/handling_part40", "long_setting/handling_part38"):
         _, speed, mask = platoon(name)
-        _, chain = INTERVAL(jax.random.key(0), speed, mask, 200, 300, 0.9)
+        _, chain = INTERVAL(jax.random.key(0), speed, mask=mask, block=200, draws=300, level=0.9)
         low[name[:5]], high[name[:5]] = (float(x) for x in chain)
         assert chain[0] < GAINS(speed, mask).chain_l2 < chain[1]
     assert low["short"] < 1 < high["short"]
@@ -79,7 +79,7 @@ def test_the_standing_start_hides_what_cruise_control_does_to_disturbances(plato
 
 def test_human_drivers_follow_slow_changes_of_speed_as_they_are(platoon):
     _, speed, mask = platoon("no_ACC/handling_part40")
-    found = SPECTRA(speed, mask, RATE, 256)
+    found = SPECTRA(speed, mask, rate=RATE, length=256)
     band = (np.asarray(found.frequency) > 0.03) & (np.asarray(found.frequency) < 0.06)
     assert found.segments[1:].min() >= 10
     assert np.all(found.coherence[1:, band] > 0.3)
@@ -91,7 +91,9 @@ def test_the_last_vehicle_of_a_platoon_passes_a_station_last(platoon):
     _, speed, mask = platoon("short_setting/handling_part14")
     way = np.cumsum(np.where(mask, speed, 0) / RATE, axis=1).astype(np.float32)
     time = (np.arange(way.shape[1]) / RATE).astype(np.float32)
-    found = jax.jit(passages.passages)(way - 20 * np.arange(10, dtype=np.float32)[:, None], time, mask, 150.0)
+    found = jax.jit(passages.passages)(
+        way - 20 * np.arange(10, dtype=np.float32)[:, None], time, mask=mask, station=150.0
+    )
     np.testing.assert_array_equal(found.vehicle, np.arange(10))
     assert np.all(found.headway[1:] > 0.5)
     assert np.median(found.headway[1:]) < 4

@@ -80,7 +80,9 @@ def test_gasly_is_coarser_than_all_others(laps):
 def test_all_drivers_share_a_frame_that_the_reference_line_gives(laps, line):
     teams = {team: [log.take(raw(log)).position for log in laps if log.team == team] for team in ["ALB", "HAM", "VER"]}
     params = LogAlignParams(reflection="either", starts=8)
-    together = align([path for paths in teams.values() for path in paths], line.position, line.closed, params)
+    together = align(
+        [path for paths in teams.values() for path in paths], line.position, closed=line.closed, params=params
+    )
     assert not together.frame.reflected
     assert not together.ambiguous
     assert together.rms < 3.0
@@ -89,7 +91,7 @@ def test_all_drivers_share_a_frame_that_the_reference_line_gives(laps, line):
     assert together.second_rms > 10 * together.rms
     assert together.coverage == 1.0
     for paths in teams.values():
-        alone = align(paths, line.position, line.closed).frame
+        alone = align(paths, line.position, closed=line.closed).frame
         for path in paths:
             off = np.linalg.norm(alone.apply(path) - together.frame.apply(path), axis=-1)
             assert off.max() < 0.6
@@ -97,8 +99,8 @@ def test_all_drivers_share_a_frame_that_the_reference_line_gives(laps, line):
 
 def test_a_part_of_a_lap_finds_the_same_frame(laps, line):
     path = next(log.take(raw(log)).position for log in laps if log.team == "HAM")
-    whole = align(path, line.position, line.closed).frame
-    part = align(path[80:260], line.position, line.closed)
+    whole = align(path, line.position, closed=line.closed).frame
+    part = align(path[80:260], line.position, closed=line.closed)
     assert np.linalg.norm(part.frame.apply(path) - whole.apply(path), axis=-1).max() < 8.0
     assert not part.ambiguous
 

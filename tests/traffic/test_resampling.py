@@ -34,11 +34,13 @@ def test_deviation_of_a_mean_is_that_of_independent_samples():
 
     valid = jnp.ones((2, 400), bool)
     params = ResamplingParams(draws=2000)
-    found = interval(statistic, valid, consecutive(valid, params.blocks), jax.random.key(0), params)
+    found = interval(statistic, valid, block=consecutive(valid, params.blocks), key=jax.random.key(0), params=params)
     expected = np.sqrt(2 / 400)
     assert float(found.deviation) == pytest.approx(expected, rel=0.25)
     assert float(found.high - found.low) == pytest.approx(2 * 1.96 * expected, rel=0.25)
-    together = interval(statistic, valid, consecutive(valid, params.blocks), jax.random.key(0), params, paired=True)
+    together = interval(
+        statistic, valid, block=consecutive(valid, params.blocks), key=jax.random.key(0), params=params, paired=True
+    )
     assert float(together.deviation) == pytest.approx(expected, rel=0.3)  # independent sets: pairing changes nothing
 
 
@@ -49,10 +51,10 @@ def covered(repetitions, n):
     @jax.jit
     def one(points, key):
         def statistic(mask):
-            found = divergence(points, mask, DivergenceParams(), ONE)
+            found = divergence(points, mask, params=DivergenceParams(), pairs=ONE)
             return found.value[0, 0], found.valid[0, 0]
 
-        return interval(statistic, valid, consecutive(valid, params.blocks), key, params)
+        return interval(statistic, valid, block=consecutive(valid, params.blocks), key=key, params=params)
 
     hits = 0
     for i in range(repetitions):
@@ -77,10 +79,10 @@ def test_laps_driven_alike_belong_to_the_null_and_others_do_not():
     @jax.jit
     def swapped(points):
         def statistic(mask):
-            found = divergence(jnp.stack([points, points]), mask, DivergenceParams(), ONE)
+            found = divergence(jnp.stack([points, points]), mask, params=DivergenceParams(), pairs=ONE)
             return found.value[0], found.valid[0]
 
-        return lap_swap(statistic, jnp.asarray(lap), jnp.ones(600, bool), jnp.asarray(deals))
+        return lap_swap(statistic, jnp.asarray(lap), valid=jnp.ones(600, bool), deals=jnp.asarray(deals))
 
     alike = swapped(jnp.asarray(rng.normal(size=(600, 2)), jnp.float32))
     assert alike.null.shape == (19, 1)

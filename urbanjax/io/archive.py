@@ -17,7 +17,7 @@ MAX_BYTES = 1 << 30  # of all arrays together
 MAX_HEADER = 1 << 22  # bytes of JSON
 
 
-def save(path: str | os.PathLike[str], header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+def save(path: str | os.PathLike[str], header: Mapping[str, Any], *, arrays: Mapping[str, np.ndarray]) -> None:
     """Writes header and arrays, whole or not at all. Raises FileError where the file cannot be written.
 
     Args: header, plain values, with `format` and `version`.
@@ -35,7 +35,7 @@ def save(path: str | os.PathLike[str], header: Mapping[str, Any], arrays: Mappin
 
 
 def load(
-    path: str | os.PathLike[str], format: str, version: int, names: Iterable[str]
+    path: str | os.PathLike[str], format: str, *, version: int, names: Iterable[str]
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Header and the named arrays. Args: format, version: what the header has to say.
 
@@ -52,7 +52,7 @@ def load(
         raise FileError(f"{path}: is not a readable npz file ({error})") from error
 
 
-def expect(path: str | os.PathLike[str], name: str, array: np.ndarray, kind: str, shape: tuple[int, ...]) -> None:
+def expect(path: str | os.PathLike[str], name: str, *, array: np.ndarray, kind: str, shape: tuple[int, ...]) -> None:
     """Raises FileError if the array is not of the kind (f, i, b) and shape, or holds numbers that are not finite."""
     if array.dtype.kind != kind or array.shape != shape:
         raise FileError(f"{path}: {name!r} is {array.dtype} {array.shape}, expected kind {kind!r} and shape {shape}")

@@ -8,7 +8,7 @@ from jaxtyping import Int
 from urbanjax.types.errors import TrafficError
 
 
-def blocks(key: Array, n: int, block: int, draws: int) -> Int[Array, "{draws} {n}"]:
+def blocks(key: Array, n: int, *, block: int, draws: int) -> Int[Array, "{draws} {n}"]:
     """Indices of resampled series [draws, n]: blocks of consecutive samples, on from the last to the first.
 
     Wrapped so, every sample is as likely as any other (Politis & Romano 1992). Blocks that stop at the ends take the

@@ -18,7 +18,7 @@ class Crossings:
 
 
 def progress(
-    station: Float[Array, " t"], mask: Bool[Array, " t"], length: float | Float[Array, ""], closed: bool = True
+    station: Float[Array, " t"], mask: Bool[Array, " t"], *, length: float | Float[Array, ""], closed: bool = True
 ) -> Float[Array, " t"]:
     """Way made along a line [m]: the station, unwrapped on a closed line, so that lap k begins at k times its length.
 
@@ -37,6 +37,7 @@ def progress(
 def crossings(
     way: Float[Array, " t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, " t"],
     stations: Float[Array, " k"],
     margin: float | Float[Array, ""] = 2.0,

@@ -58,6 +58,7 @@ def consecutive(valid: Bool[Array, "t n"], blocks: int) -> Int[Array, "t n"]:
 def interval(
     statistic: Statistic,
     valid: Bool[Array, "t n"],
+    *,
     block: Int[Array, "t n"],
     key: Array,
     params: ResamplingParams,
@@ -73,12 +74,12 @@ def interval(
     stations rather than of time).
     """
     value, good = statistic(valid)
-    drawn, fine = lax.map(statistic, half_samples(valid, block, key, params, paired))
-    return spread(value, good, drawn, fine, params)
+    drawn, fine = lax.map(statistic, half_samples(valid, block, key=key, params=params, paired=paired))
+    return spread(value, good, drawn=drawn, fine=fine, params=params)
 
 
 def half_samples(
-    valid: Bool[Array, "t n"], block: Int[Array, "t n"], key: Array, params: ResamplingParams, paired: bool = False
+    valid: Bool[Array, "t n"], block: Int[Array, "t n"], *, key: Array, params: ResamplingParams, paired: bool = False
 ) -> Bool[Array, "s t n"]:
     """The masks of the draws of `interval`, for statistics that are found one by one."""
     teams = 1 if paired else valid.shape[0]
@@ -94,6 +95,7 @@ def half_samples(
 def spread(
     value: Float[Array, "*q"],
     good: Bool[Array, "*q"],
+    *,
     drawn: Float[Array, "s *q"],
     fine: Bool[Array, "s *q"],
     params: ResamplingParams,
@@ -107,7 +109,7 @@ def spread(
 
 
 def lap_swap(
-    statistic: Statistic, lap: Int[Array, " n"], valid: Bool[Array, " n"], deals: Bool[Array, "s l"]
+    statistic: Statistic, lap: Int[Array, " n"], *, valid: Bool[Array, " n"], deals: Bool[Array, "s l"]
 ) -> LapSwap:
     """The statistic of two teams whose laps are dealt out in every way given, the first being how they were driven.
 

@@ -46,6 +46,7 @@ class Similarity:
 def between_samples(
     x: Float[Array, "n d"],
     y: Float[Array, "m d"],
+    *,
     x_mask: Bool[Array, " n"],
     y_mask: Bool[Array, " m"],
     level: float | Float[Array, ""] = 0.95,
@@ -58,7 +59,7 @@ def between_samples(
     Differentiable in both where the nearest sample is unique. Args: positions [m]; level of the quantile, in [0, 1].
     """
     x, y = _held(x, x_mask), _held(y, y_mask)
-    to_y, to_x = nearest(x, y, x_mask, y_mask, block)
+    to_y, to_x = nearest(x, y, x_mask=x_mask, y_mask=y_mask, block=block)
     there, back = safe.norm(x - y[to_y]), safe.norm(y - x[to_x])
     return _similarity(there, back, x_mask, y_mask, level)
 
@@ -66,6 +67,7 @@ def between_samples(
 def between_lines(
     x: Float[Array, "n 2"],
     y: Float[Array, "m 2"],
+    *,
     x_mask: Bool[Array, " n"],
     y_mask: Bool[Array, " m"],
     level: float | Float[Array, ""] = 0.95,
@@ -78,12 +80,20 @@ def between_lines(
     Args: positions [m], in the order driven; level of the quantile; closed, whether the lines end where they begin.
     """
     x, y = _held(x, x_mask), _held(y, y_mask)
-    there, back = to_line(x, y, y_mask, closed, block), to_line(y, x, x_mask, closed, block)
+    there, back = (
+        to_line(x, y, y_mask=y_mask, closed=closed, block=block),
+        to_line(y, x, y_mask=x_mask, closed=closed, block=block),
+    )
     return _similarity(there, back, x_mask, y_mask, level)
 
 
 def to_line(
-    x: Float[Array, "n 2"], y: Float[Array, "m 2"], y_mask: Bool[Array, " m"], closed: bool = False, block: int = BLOCK
+    x: Float[Array, "n 2"],
+    y: Float[Array, "m 2"],
+    *,
+    y_mask: Bool[Array, " m"],
+    closed: bool = False,
+    block: int = BLOCK,
 ) -> Float[Array, " n"]:
     """Distance [m] of each point to the line through the samples of a route."""
     y = _held(y, y_mask)
@@ -99,6 +109,7 @@ def to_line(
 def nearest(
     x: Float[Array, "n d"],
     y: Float[Array, "m d"],
+    *,
     x_mask: Bool[Array, " n"],
     y_mask: Bool[Array, " m"],
     block: int = BLOCK,
@@ -151,7 +162,7 @@ def _held(points: Array, mask: Array) -> Array:
 
 def _similarity(there: Array, back: Array, x_mask: Array, y_mask: Array, level: float | Array) -> Similarity:
     valid = jnp.any(x_mask) & jnp.any(y_mask)
-    one, two = summarised(there, x_mask & valid, level), summarised(back, y_mask & valid, level)
+    one, two = summarised(there, x_mask & valid, level=level), summarised(back, y_mask & valid, level=level)
     return Similarity(
         there=one,
         back=two,
@@ -163,7 +174,7 @@ def _similarity(there: Array, back: Array, x_mask: Array, y_mask: Array, level: 
 
 
 def summarised(
-    distance: Float[Array, "*b n"], mask: Bool[Array, "*b n"], level: float | Float[Array, ""] = 0.95
+    distance: Float[Array, "*b n"], mask: Bool[Array, "*b n"], *, level: float | Float[Array, ""] = 0.95
 ) -> Distances:
     """Eq. 33 and its relatives [*b] from the distance [m] of each sample to the other route, however it was found."""
     return Distances(

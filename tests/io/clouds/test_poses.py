@@ -24,7 +24,7 @@ def test_kitti_gives_the_poses_back(track, tmp_path):
 
 def test_tum_gives_times_and_poses_back(track, tmp_path):
     time = 1.6e9 + 0.1 * np.arange(12)
-    poses.write_tum(tmp_path / "poses.tum", time, track)
+    poses.write_tum(tmp_path / "poses.tum", time, poses=track)
     found, back = poses.read_tum(tmp_path / "poses.tum")
     np.testing.assert_allclose(found, time, rtol=0, atol=1e-6)
     np.testing.assert_allclose(back, track, rtol=1e-8, atol=1e-7)

@@ -33,7 +33,7 @@ def test_a_frame_and_its_inverse_undo_each_other_and_turn_headings(frame):
     ahead = points + np.stack([np.cos(heading), np.sin(heading)], -1)
     way = (frame.apply(ahead) - frame.apply(points)) / frame.scale
     np.testing.assert_allclose(way, np.stack([f(frame.heading(heading)) for f in (np.cos, np.sin)], -1), atol=1e-9)
-    log = logs.from_arrays("a", np.arange(30), points, speed=np.ones(30), heading=heading)
+    log = logs.from_arrays("a", np.arange(30), position=points, speed=np.ones(30), heading=heading)
     mapped = frame.log(log)
     np.testing.assert_allclose(mapped.speed, frame.scale)
     np.testing.assert_array_equal(mapped.heading, frame.heading(heading))
@@ -42,11 +42,11 @@ def test_a_frame_and_its_inverse_undo_each_other_and_turn_headings(frame):
 @pytest.mark.parametrize("frame", FRAMES)
 def test_pairs_of_points_give_their_frame(frame):
     frame = Frame(1.3, frame.reflected, frame.rotation, frame.translation)
-    found, distance = from_pairs(frame.inverse().apply(LINE), LINE, "either", (0.5, 2.0))
+    found, distance = from_pairs(frame.inverse().apply(LINE), LINE, reflection="either", scale=(0.5, 2.0))
     np.testing.assert_allclose(found.apply(np.eye(2)), frame.apply(np.eye(2)), atol=1e-8)
     assert found.reflected == frame.reflected
     assert distance.max() < 1e-9
-    limited, _ = from_pairs(frame.inverse().apply(LINE), LINE, "either", (0.9, 1.1))
+    limited, _ = from_pairs(frame.inverse().apply(LINE), LINE, reflection="either", scale=(0.9, 1.1))
     assert limited.scale == pytest.approx(1.1)
 
 
@@ -66,7 +66,7 @@ def test_the_frame_of_noisy_pairs_is_that_of_least_squares():
 def test_a_lap_or_a_part_of_one_finds_its_frame(frame, part):
     step = 1 if part[1] > part[0] else -1  # the last is driven against the line
     way = LINE[np.arange(part[0], part[1], step) % 400]
-    found = align(seen(way, frame, 0.3), LINE, True, LogAlignParams(reflection="either", starts=8))
+    found = align(seen(way, frame, 0.3), LINE, closed=True, params=LogAlignParams(reflection="either", starts=8))
     assert found.frame.reflected == frame.reflected
     assert found.frame.scale == pytest.approx(1.0)
     off = np.linalg.norm(found.frame.apply(seen(way, frame)) - way, axis=-1)
@@ -79,17 +79,17 @@ def test_a_lap_or_a_part_of_one_finds_its_frame(frame, part):
 
 def test_several_laps_in_one_path_find_their_frame():
     way = LINE[np.arange(60, 1060) % 400]
-    found = align(seen(way, FRAMES[0], 0.3), LINE, True)
+    found = align(seen(way, FRAMES[0], 0.3), LINE, closed=True)
     assert np.linalg.norm(found.frame.apply(seen(way, FRAMES[0])) - way, axis=-1).max() < 0.3
     assert not found.ambiguous
 
 
 def test_scale_is_found_within_its_limits():
     frame = Frame(1.07, False, 1.0, (20.0, 30.0))
-    found = align(seen(LINE, frame), LINE, True, LogAlignParams(scale_limit=1.2))
+    found = align(seen(LINE, frame), LINE, closed=True, params=LogAlignParams(scale_limit=1.2))
     assert found.frame.scale == pytest.approx(1.07, abs=1e-3)
     assert found.rms < 0.05
-    fixed = align(seen(LINE, frame), LINE, True)
+    fixed = align(seen(LINE, frame), LINE, closed=True)
     assert fixed.frame.scale == pytest.approx(1.0)
     assert fixed.rms > 3.0
 
@@ -97,7 +97,7 @@ def test_scale_is_found_within_its_limits():
 def test_paths_in_one_frame_are_aligned_together_and_strays_do_not_count():
     paths = [seen(LINE[a:b], FRAMES[0], 0.2, a) for a, b in ((0, 150), (120, 260), (230, 400))]
     stray = seen(np.stack([np.linspace(60, 120, 20), np.zeros(20)], -1), FRAMES[0])  # into a pit
-    found = align([*paths, stray], LINE, True, LogAlignParams(keep=0.9))
+    found = align([*paths, stray], LINE, closed=True, params=LogAlignParams(keep=0.9))
     off = np.concatenate([found.frame.apply(p) for p in paths]) - np.concatenate(
         [LINE[:150], LINE[120:260], LINE[230:]]
     )
@@ -107,7 +107,7 @@ def test_paths_in_one_frame_are_aligned_together_and_strays_do_not_count():
 
 
 def test_a_line_that_is_a_part_of_the_path_finds_the_frame():
-    found = align(seen(LINE, FRAMES[0]), LINE[100:250], False, LogAlignParams(keep=0.35, starts=24))
+    found = align(seen(LINE, FRAMES[0]), LINE[100:250], closed=False, params=LogAlignParams(keep=0.35, starts=24))
     off = found.frame.apply(seen(LINE[120:230], FRAMES[0])) - LINE[120:230]
     assert np.linalg.norm(off, axis=-1).max() < 0.5
 
@@ -123,7 +123,7 @@ SYMMETRIC = {
 @pytest.mark.parametrize("shape", SYMMETRIC)
 def test_a_symmetric_course_is_ambiguous(shape):
     line = SYMMETRIC[shape]
-    found = align(seen(line, FRAMES[0], 0.2), line, True)
+    found = align(seen(line, FRAMES[0], 0.2), line, closed=True)
     assert found.ambiguous
     assert "ambiguous" in found.verdict
     assert found.rms < 0.4
@@ -131,13 +131,13 @@ def test_a_symmetric_course_is_ambiguous(shape):
 
 def test_a_part_of_a_straight_road_is_ambiguous_along_it():
     road = np.stack([np.linspace(0, 500, 200), np.zeros(200)], -1)
-    found = align(seen(road[50:120], FRAMES[0], 0.2), road, False)
+    found = align(seen(road[50:120], FRAMES[0], 0.2), road, closed=False)
     assert found.ambiguous
 
 
 def test_standing_noise_is_no_way():
     rest = np.repeat(LINE[:1], 2000, axis=0) + np.random.default_rng(2).normal(0, 0.05, (2000, 2))
-    found = align(seen(np.concatenate([rest, LINE[:300]]), FRAMES[0]), LINE, True)
+    found = align(seen(np.concatenate([rest, LINE[:300]]), FRAMES[0]), LINE, closed=True)
     assert np.linalg.norm(found.frame.apply(seen(LINE[:300], FRAMES[0])) - LINE[:300], axis=-1).max() < 0.5
 
 
@@ -154,7 +154,7 @@ def test_standing_noise_is_no_way():
 )
 def test_what_is_no_curve_is_refused(paths, line, message):
     with pytest.raises(LogError, match=message):
-        align(paths, line, True)
+        align(paths, line, closed=True)
 
 
 @pytest.mark.parametrize(

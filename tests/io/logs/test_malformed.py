@@ -257,4 +257,4 @@ def test_large_files_are_read_at_speed(tmp_path):
     (log,) = logs.read(path, form(PLAIN))
     assert time.perf_counter() - begin < 1.0  # 0.05 s measured
     assert log.n == n
-    assert csv_table.load(path, path.read_bytes(), form(PLAIN)).names == ("time", "x", "y", "speed")
+    assert csv_table.load(path, path.read_bytes(), form=form(PLAIN)).names == ("time", "x", "y", "speed")

@@ -10,7 +10,7 @@ from urbanjax.io.logs.sampling import raw, resolution, roughness
 
 
 def log_of(time, position, **others):
-    return logs.from_arrays("car", time, position, **others)
+    return logs.from_arrays("car", time, position=position, **others)
 
 
 def test_a_clean_log_has_nothing_against_it():

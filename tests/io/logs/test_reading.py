@@ -190,7 +190,7 @@ def test_a_standstill_does_not_enter_the_comparison_of_speeds():
     log = logs.from_arrays(
         "a",
         np.arange(500) / 10,
-        np.concatenate([position, rest]),
+        position=np.concatenate([position, rest]),
         speed=np.concatenate([speed, np.full(400, 0.01)]),
     )
     at, ratios = agreement.speed_ratios(log)
@@ -201,13 +201,13 @@ def test_a_standstill_does_not_enter_the_comparison_of_speeds():
 
 def test_arrays_become_a_log_or_are_refused():
     time, position, speed, _ = drive(5)
-    log = logs.from_arrays("ego", time, position, speed=speed, team="ours", run="1")
+    log = logs.from_arrays("ego", time, position=position, speed=speed, team="ours", run="1")
     assert (log.name, log.n, log.rows.tolist()) == ("ours ego 1", 5, [0, 1, 2, 3, 4])
     for wrong in (time[::-1], time * np.nan, time[:4], time[None]):
         with pytest.raises(LogError, match="log ego"):
-            logs.from_arrays("ego", wrong, position)
+            logs.from_arrays("ego", wrong, position=position)
     with pytest.raises(LogError, match="speed"):
-        logs.from_arrays("ego", time, position, speed=speed[1:])
+        logs.from_arrays("ego", time, position=position, speed=speed[1:])
 
 
 def test_a_heading_in_another_unit_or_sense_is_noted(tmp_path):

@@ -10,7 +10,7 @@ from urbanjax.io.logs.resample import by_length, by_time
 
 
 def log_of(time, position, **others):
-    return logs.from_arrays("car", time, position, **others)
+    return logs.from_arrays("car", time, position=position, **others)
 
 
 def arc(n=200, **others):
@@ -119,7 +119,7 @@ def test_steps_that_are_none_are_refused(wrong):
         with pytest.raises(LogError, match="must be positive"):
             resample(arc(), wrong)
         with pytest.raises(LogError, match="longest_gap must be positive"):
-            resample(arc(), 0.1, wrong)
+            resample(arc(), 0.1, longest_gap=wrong)
 
 
 def test_steps_that_give_too_many_samples_or_too_few_are_refused():

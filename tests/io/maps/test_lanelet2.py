@@ -65,9 +65,9 @@ def test_positions_in_degrees_give_the_same_map(found, read):
 
 def test_the_projection_has_the_lengths_of_the_ellipsoid():
     # The meridian from the equator to 45 degrees, and UTM's easting of the edge of a zone at the equator.
-    north = transverse_mercator(np.array([45.0]), np.array([9.0]), (0.0, 9.0))
+    north = transverse_mercator(np.array([45.0]), np.array([9.0]), middle=(0.0, 9.0))
     np.testing.assert_allclose(north, [[0.0], [4_984_944.378]], atol=1e-3)
-    east, _ = transverse_mercator(np.array([0.0]), np.array([12.0]), (0.0, 9.0))
+    east, _ = transverse_mercator(np.array([0.0]), np.array([12.0]), middle=(0.0, 9.0))
     np.testing.assert_allclose(0.9996 * east + 500_000, 833_978.557, atol=2e-2)
 
 

@@ -23,7 +23,7 @@ def lane(key, *points, width=4.0, **fields):
 
 
 def made(*lanes):
-    return assemble(HERE, "made up", lanes)
+    return assemble(HERE, "made up", lanes=lanes)
 
 
 def kinds(found):

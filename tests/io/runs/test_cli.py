@@ -9,7 +9,7 @@ import pytest
 from tests.conftest import REPOSITORY
 
 PROGRAM = """
-from urbanjax.io import cli
+from urbanjax.io.runs import cli
 from urbanjax.types import ScenarioError, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -37,8 +37,8 @@ if __name__ == "__main__":
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     root = tmp_path_factory.mktemp("toy")
-    (root / "programs").mkdir()
-    (root / "programs" / "toy.py").write_text(PROGRAM)
+    (root / "programs" / "toy").mkdir(parents=True)
+    (root / "programs" / "toy" / "__main__.py").write_text(PROGRAM)
     presets = root / "configs" / "toy" / "preset"
     presets.mkdir(parents=True)
     (presets / "short.yaml").write_text("# @package _global_\nvehicle:\n  length: 3\n")

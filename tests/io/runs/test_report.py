@@ -15,7 +15,7 @@ from urbanjax.io.runs import report
 @pytest.fixture
 def picture(tmp_path):
     path = tmp_path / "line.png"
-    with figures.figure(path, 4.0, 3.0) as canvas:
+    with figures.figure(path, 4.0, height=3.0) as canvas:
         canvas.subplots().plot([0, 1], [0, 1])
     return path
 
@@ -61,7 +61,7 @@ def test_a_report_is_self_contained_and_escapes_what_it_shows(tmp_path, picture)
     sections = [report.Section("First & last", ["x < y"], items)]
     manifest = runs.Run(tmp_path / "run", {"name": "</pre><script>"}).manifest()
     page = tmp_path / "report.html"
-    report.write_report(page, "Study", sections, manifest)
+    report.write_report(page, "Study", sections=sections, manifest=manifest)
     text = page.read_text()
     assert "First &amp; last" in text
     assert "x &lt; y" in text

@@ -21,7 +21,9 @@ ALL = np.ones(T, bool)
 
 
 def drive(way=WAY, mask=ALL, params=PARAMS, **options):
-    return find(np.float32(way) % np.float32(LENGTH), np.float32(TIME), mask, LENGTH, params, **options)
+    return find(
+        np.float32(way) % np.float32(LENGTH), np.float32(TIME), mask=mask, length=LENGTH, params=params, **options
+    )
 
 
 def test_even_driving_has_even_laps():
@@ -74,7 +76,7 @@ def test_missing_samples_and_padding_change_nothing_else():
 
 
 def test_an_open_line_is_driven_once():
-    found = find(np.float32(-10 + 4 * TIME), np.float32(TIME), ALL, LENGTH, PARAMS, closed=False)
+    found = find(np.float32(-10 + 4 * TIME), np.float32(TIME), mask=ALL, length=LENGTH, params=PARAMS, closed=False)
     assert found.complete.tolist() == [True]
     assert found.time[0] == pytest.approx(25, rel=1e-5)
 
@@ -88,13 +90,13 @@ def test_the_count_tells_of_laps_beyond_the_capacity():
 def test_a_station_is_crossed_where_the_straight_piece_meets_it_and_gradients_say_so(x64):
     time, way = jnp.array([0.0, 1.0, 2.0, 4.0]), jnp.array([0.0, 3.0, 9.0, 13.0])
     mask, stations = jnp.ones(4, bool), jnp.array([6.0, 10.0, 12.9, 20.0])
-    found = cross(way, time, mask, stations, 1.0)
+    found = cross(way, time, mask=mask, stations=stations, margin=1.0)
     np.testing.assert_array_equal(found.valid, [True, True, True, False])
     np.testing.assert_array_equal(found.sample, [2, 3, 3, 4])
     np.testing.assert_allclose(found.time, [1.5, 2.5, 3.95, 0])
 
     def total(way, time):
-        return jnp.sum(cross(way, time, mask, stations, 1.0).time)
+        return jnp.sum(cross(way, time, mask=mask, stations=stations, margin=1.0).time)
 
     slope = jax.jit(jax.grad(total, (0, 1)))(way, time)
     for i in range(4):
@@ -107,9 +109,9 @@ def test_a_station_is_crossed_where_the_straight_piece_meets_it_and_gradients_sa
 
 def test_a_batch_of_vehicles_equals_the_vehicles():
     ways = jnp.asarray(np.float32(np.stack([WAY, 20 + 3 * TIME]) % LENGTH))
-    together = jax.jit(jax.vmap(lambda s: laps(s, jnp.asarray(np.float32(TIME)), jnp.asarray(ALL), LENGTH, PARAMS)))(
-        ways
-    )
+    together = jax.jit(
+        jax.vmap(lambda s: laps(s, jnp.asarray(np.float32(TIME)), mask=jnp.asarray(ALL), length=LENGTH, params=PARAMS))
+    )(ways)
     np.testing.assert_allclose(together.time[0], drive().time, rtol=1e-5)
     np.testing.assert_allclose(together.time[1], drive(20 + 3 * TIME).time, rtol=1e-5)
 
@@ -126,7 +128,7 @@ def test_samples_are_in_their_areas_and_the_intervals_are_half_open():
 
 def test_selections_part_the_samples_of_the_areas_by_lap():
     found = drive()
-    chosen = jax.jit(named.selection)(AREAS, found, ALL, LENGTH)
+    chosen = jax.jit(named.selection)(AREAS, found, mask=ALL, length=LENGTH)
     assert chosen.shape == (5, 3, T)
     held = named.inside(AREAS, jnp.asarray(np.float32(WAY % LENGTH)))
     np.testing.assert_array_equal(chosen.sum(0), held & (found.lap < 5)[None])
@@ -136,7 +138,7 @@ def test_selections_part_the_samples_of_the_areas_by_lap():
 
 def test_passages_of_areas_take_their_length_over_the_speed():
     found = drive()
-    seconds, seen = jax.jit(named.passages)(AREAS, found, np.float32(TIME), ALL, LENGTH, PARAMS)
+    seconds, seen = jax.jit(named.passages)(AREAS, found, time=np.float32(TIME), mask=ALL, length=LENGTH, params=PARAMS)
     np.testing.assert_allclose(seconds[1:4], np.tile([15 / 8, 30 / 8, 45 / 8], (3, 1)), rtol=1e-4)
     assert seen[1:4].all()
     assert seen[0].tolist() == [True, False, False]

@@ -36,7 +36,7 @@ def test_a_stadium_has_two_straights_and_two_curves():
 
 def test_areas_cover_the_course_once():
     for line, closed in ((STADIUM, True), (driven((100, 0), (60, 0.02), (60, -0.02), (100, 0)), False)):
-        found = sections(line, SectionParams(), closed)
+        found = sections(line, SectionParams(), closed=closed)
         whole = np.concatenate([line, line[:1]]) if closed else line
         length = np.linalg.norm(np.diff(whole, axis=0), axis=1).sum()
         size = (np.asarray(found.end) - np.asarray(found.start)) % length

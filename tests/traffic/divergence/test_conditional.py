@@ -13,7 +13,7 @@ N, BINS = 1200, 6
 
 @pytest.fixture(scope="module")
 def estimate():
-    return jax.jit(conditional, static_argnums=(3, 5))
+    return jax.jit(conditional, static_argnames=("bins", "pairs"))
 
 
 def reference(x, x_bin, y, y_bin, k):
@@ -34,7 +34,7 @@ def test_equals_distance_matrices_bin_by_bin(estimate):
     offset = rng.normal(size=(3, N)).astype(np.float32) * [[1], [2], [0.5]]
     station_bin = rng.choice(BINS, (3, N), p=[0.4, 0.3, 0.2, 0.096, 0.002, 0.002])
     valid = np.arange(N) < [[N], [900], [700]]
-    found = estimate(offset.astype(np.float32), station_bin, valid, BINS, DivergenceParams(ks=(1, 4)))
+    found = estimate(offset.astype(np.float32), station_bin, valid=valid, bins=BINS, params=DivergenceParams(ks=(1, 4)))
     pairs = [(i, j) for i in range(3) for j in range(3) if i != j]
     for row, (i, j) in enumerate(pairs):
         for column, k in enumerate((1, 4)):
@@ -54,7 +54,9 @@ def test_gaussians_given_the_bin(estimate):
     for _ in range(20):
         centre = 5 * station_bin[0]  # what both share given the station does not count
         offset = np.stack([centre + rng.normal(size=N), centre + 2 * rng.normal(size=N)]).astype(np.float32)
-        found = estimate(offset, station_bin, np.ones((2, N), bool), BINS, DivergenceParams(), ((0, 1),))
+        found = estimate(
+            offset, station_bin, valid=np.ones((2, N), bool), bins=BINS, params=DivergenceParams(), pairs=((0, 1),)
+        )
         values.append(float(found.value[0, 0]))
     truth = np.log(2) - 0.5 + 1 / 8
     assert abs(np.mean(values) - truth) < 0.05
@@ -65,13 +67,17 @@ def test_ties_are_counted(estimate):
     offset, station_bin = rng.normal(size=(2, N)).astype(np.float32), np.zeros((2, N), int)
     offset[0, :20] = 0.5
     every = np.ones((2, N), bool)
-    found = estimate(offset, station_bin, every, BINS, DivergenceParams(), ((0, 1),))
+    found = estimate(offset, station_bin, valid=every, bins=BINS, params=DivergenceParams(), pairs=((0, 1),))
     assert not found.valid.any()
     assert found.ties.tolist() == [[20]]
-    assert estimate(offset, station_bin, every, BINS, DivergenceParams(ties="dedupe"), ((0, 1),)).valid.all()
+    assert estimate(
+        offset, station_bin, valid=every, bins=BINS, params=DivergenceParams(ties="dedupe"), pairs=((0, 1),)
+    ).valid.all()
     # The same offset elsewhere on the course is no copy.
     apart = np.stack([np.where(np.arange(N) < 20, np.arange(N) % BINS, 0), station_bin[1]])
-    kept = estimate(offset, apart, every, BINS, DivergenceParams(ks=(1,), ties="dedupe"), ((0, 1),))
+    kept = estimate(
+        offset, apart, valid=every, bins=BINS, params=DivergenceParams(ks=(1,), ties="dedupe"), pairs=((0, 1),)
+    )
     assert float(kept.share[0, 0]) == pytest.approx((N - 14 - 5) / (N - 14), abs=2e-3)
 
 
@@ -80,9 +86,9 @@ def test_gradients_equal_central_differences(x64):
     offset, station_bin = rng.normal(size=(2, 80)), rng.integers(0, 3, (2, 80))
 
     def value(x):
-        return conditional(x, jnp.asarray(station_bin), jnp.ones((2, 80), bool), 3, DivergenceParams(ks=(2,))).value[
-            0, 0
-        ]
+        return conditional(
+            x, jnp.asarray(station_bin), valid=jnp.ones((2, 80), bool), bins=3, params=DivergenceParams(ks=(2,))
+        ).value[0, 0]
 
     slope, evaluate, step = jax.grad(value)(jnp.asarray(offset)), jax.jit(value), 1e-7
     direction = rng.normal(size=offset.shape)

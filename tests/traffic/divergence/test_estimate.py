@@ -17,7 +17,7 @@ ONE = ((0, 1),)
 
 @pytest.fixture(scope="session")
 def estimate():
-    return jax.jit(divergence, static_argnums=(3,))
+    return jax.jit(divergence, static_argnames="pairs")
 
 
 def reference(x, y, k):
@@ -56,7 +56,7 @@ def stated(name):
 def checked(estimate, name, n, repetitions):
     rng = np.random.default_rng(0)
     sets = (padded(*DRAWN[name](rng, n), n=max(n, N)) for _ in range(repetitions))
-    values = [float(estimate(*s, DivergenceParams(), ONE).value[0, 0]) for s in sets]
+    values = [float(estimate(*s, params=DivergenceParams(), pairs=ONE).value[0, 0]) for s in sets]
     mean, deviation = stated(name)[1][n]
     assert abs(np.mean(values) - mean) < 4 * deviation / repetitions**0.5
     if repetitions >= 20:
@@ -93,7 +93,7 @@ def test_fifty_random_sets_equal_scipys_tree(estimate):
         x, y = ((10 ** rng.uniform(-1, 2)) * gaussian(rng, n, 1.0, rng.uniform(-3, 3)) for n in sizes)
         points, valid = padded(x, y)
         x, y = points[0, : sizes[0]].astype(float), points[1, : sizes[1]].astype(float)
-        found = estimate(points, valid, params, ONE)
+        found = estimate(points, valid, params=params, pairs=ONE)
         assert found.valid.all()
         np.testing.assert_allclose(found.value[0], [reference(x, y, k) for k in (1, 5, 10)], atol=1e-5)
 
@@ -101,7 +101,7 @@ def test_fifty_random_sets_equal_scipys_tree(estimate):
 def test_moves_scales_and_order_change_nothing(estimate):
     rng = np.random.default_rng(3)
     x, y = gaussian(rng, 1500), gaussian(rng, 1200, 2.0, 1.0)
-    before = float(estimate(*padded(x, y), DivergenceParams(), ONE).value[0, 0])
+    before = float(estimate(*padded(x, y), params=DivergenceParams(), pairs=ONE).value[0, 0])
     cos, sin = np.cos(0.7), np.sin(0.7)
     turn = np.array([[cos, -sin], [sin, cos]])
     changed = {
@@ -112,14 +112,14 @@ def test_moves_scales_and_order_change_nothing(estimate):
         "shuffled": (rng.permutation(x), rng.permutation(y)),
     }
     for name, sets in changed.items():
-        after = float(estimate(*padded(*sets), DivergenceParams(), ONE).value[0, 0])
+        after = float(estimate(*padded(*sets), params=DivergenceParams(), pairs=ONE).value[0, 0])
         assert abs(after - before) < 2e-4 if name == "moved" else abs(after - before) < 2e-5, name
 
 
 def test_all_pairs_in_one_call_equal_the_pairs(estimate):
     rng = np.random.default_rng(4)
     points, valid = padded(*(gaussian(rng, 400 + 100 * i, 1 + 0.3 * i) for i in range(3)))
-    found = estimate(points, valid, DivergenceParams(), None)
+    found = estimate(points, valid, params=DivergenceParams(), pairs=None)
     assert all_pairs(3) == tuple(itertools.permutations(range(3), 2))
     for row, (i, j) in enumerate(all_pairs(3)):
         x, y = points[i][valid[i]].astype(float), points[j][valid[j]].astype(float)
@@ -132,7 +132,7 @@ def test_the_printed_form_is_reproduced_and_is_wrong(estimate):
     x, y = gaussian(rng, N), gaussian(rng, N, 2.0)
     points, valid = padded(x, y)
     x, y = points.astype(float)
-    printed = float(estimate(points, valid, DivergenceParams(form="printed"), ONE).value[0, 0])
+    printed = float(estimate(points, valid, params=DivergenceParams(form="printed"), pairs=ONE).value[0, 0])
     r, s = cKDTree(x).query(x, 6)[0][:, 5], cKDTree(y).query(x, 5)[0][:, 4]
     density = 5 / ((N - 1) * np.pi * r**2)
     np.testing.assert_allclose(printed, np.sum(density * np.log(r / s)) + np.log(N / (N - 1)), rtol=1e-4)
@@ -143,12 +143,19 @@ def test_adaptive_neighbourhoods_lessen_the_bias_of_the_reverse_divergence(estim
     rng = np.random.default_rng(6)
     sets = [padded(gaussian(rng, N, 2.0), gaussian(rng, N)) for _ in range(10)]
     fixed, adaptive = (
-        np.mean([float(estimate(*s, DivergenceParams(form=form), ONE).value[0, 0]) for s in sets])
+        np.mean([float(estimate(*s, params=DivergenceParams(form=form), pairs=ONE).value[0, 0]) for s in sets])
         for form in ("corrected", "adaptive")
     )
     assert fixed + 0.2 < adaptive < 1.6137
     same = [padded(gaussian(rng, N), gaussian(rng, N)) for _ in range(10)]
-    assert abs(np.mean([float(estimate(*s, DivergenceParams(form="adaptive"), ONE).value[0, 0]) for s in same])) < 0.05
+    assert (
+        abs(
+            np.mean(
+                [float(estimate(*s, params=DivergenceParams(form="adaptive"), pairs=ONE).value[0, 0]) for s in same]
+            )
+        )
+        < 0.05
+    )
 
 
 def test_gradients_equal_central_differences_with_the_neighbours_held(x64):
@@ -156,7 +163,7 @@ def test_gradients_equal_central_differences_with_the_neighbours_held(x64):
     points, valid = np.stack([gaussian(rng, 60), gaussian(rng, 60, 2.0)]), np.arange(60) < [[60], [50]]
 
     def value(p):
-        return divergence(p, jnp.asarray(valid), DivergenceParams(ks=(3,)), ONE).value[0, 0]
+        return divergence(p, jnp.asarray(valid), params=DivergenceParams(ks=(3,)), pairs=ONE).value[0, 0]
 
     slope = jax.jit(jax.grad(value))(jnp.asarray(points))
     evaluate, step = jax.jit(value), 1e-6
@@ -175,7 +182,7 @@ def test_coincident_samples_have_finite_values_and_gradients():
     for policy in ("dedupe", "floor"):  # `error` computes what `dedupe` does
 
         def value(p, policy=policy):
-            return divergence(p, valid, DivergenceParams(ties=policy), ONE).value[0, 0]
+            return divergence(p, valid, params=DivergenceParams(ties=policy), pairs=ONE).value[0, 0]
 
         number, slope = jax.value_and_grad(value)(points)
         assert jnp.isfinite(number)
@@ -185,7 +192,7 @@ def test_coincident_samples_have_finite_values_and_gradients():
 def test_too_few_samples_are_no_estimate(estimate):
     rng = np.random.default_rng(9)
     for few in ((5, 100), (100, 4), (0, 100)):
-        found = estimate(*padded(*(gaussian(rng, n) for n in few)), DivergenceParams(), ONE)
+        found = estimate(*padded(*(gaussian(rng, n) for n in few)), params=DivergenceParams(), pairs=ONE)
         assert not found.valid.any()
         assert float(found.value[0, 0]) == 0
-    assert estimate(*padded(gaussian(rng, 6), gaussian(rng, 5)), DivergenceParams(), ONE).valid.all()
+    assert estimate(*padded(gaussian(rng, 6), gaussian(rng, 5)), params=DivergenceParams(), pairs=ONE).valid.all()

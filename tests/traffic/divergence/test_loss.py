@@ -24,7 +24,7 @@ def test_equals_its_definition_with_masks():
     x, y = rng.normal(size=(300, 2)).astype(np.float32), 1 + rng.normal(size=(270, 2)).astype(np.float32)
     valid_x, valid_y = np.arange(300) < 260, np.arange(270) < 270
     scales = (0.5, 2.0, 8.0)
-    found = jax.jit(squared_mmd)(jnp.where(valid_x[:, None], x, jnp.nan), y, valid_x, valid_y)
+    found = jax.jit(squared_mmd)(jnp.where(valid_x[:, None], x, jnp.nan), y, valid_x=valid_x, valid_y=valid_y)
     np.testing.assert_allclose(found, definition(x[:260].astype(float), y.astype(float), scales), atol=1e-5)
 
 
@@ -34,7 +34,10 @@ def test_is_near_zero_for_one_distribution_and_grows_with_the_shift():
     values = [
         float(
             jax.jit(squared_mmd)(
-                rng.normal(size=(400, 2)), rng.normal(size=(400, 2)) + np.array([shift, 0]), every, every
+                rng.normal(size=(400, 2)),
+                rng.normal(size=(400, 2)) + np.array([shift, 0]),
+                valid_x=every,
+                valid_y=every,
             )
         )
         for shift in (0.0, 0.5, 1.0, 2.0)
@@ -50,7 +53,7 @@ def test_gradients_equal_central_differences(x64):
     every = jnp.ones(30, bool)
 
     def value(x):
-        return squared_mmd(x, jnp.asarray(y), every, every)
+        return squared_mmd(x, jnp.asarray(y), valid_x=every, valid_y=every)
 
     slope, step = jax.grad(value)(jnp.asarray(x)), 1e-6
     direction = rng.normal(size=x.shape)

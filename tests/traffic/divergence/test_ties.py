@@ -24,7 +24,7 @@ def sets():
 
 @pytest.fixture(scope="module")
 def estimate():
-    return jax.jit(divergence, static_argnums=(3,))
+    return jax.jit(divergence, static_argnames="pairs")
 
 
 def test_copies_are_found_and_one_of_each_is_kept(sets):
@@ -37,7 +37,7 @@ def test_copies_are_found_and_one_of_each_is_kept(sets):
 
 
 def test_error_gives_no_value_and_says_how_many(sets, estimate):
-    found = estimate(*sets, DivergenceParams(ks=KS), ONE)
+    found = estimate(*sets, params=DivergenceParams(ks=KS), pairs=ONE)
     assert not found.valid.any()
     assert found.ties_own.tolist() == [[2 * COPIES] * 2]
     assert found.ties_other.tolist() == [[COPIES, 0]]
@@ -45,13 +45,16 @@ def test_error_gives_no_value_and_says_how_many(sets, estimate):
 
 def test_dedupe_leaves_copies_out(sets, estimate):
     points, valid = sets
-    found = estimate(points, valid, DivergenceParams(ks=KS, ties="dedupe"), ONE)
+    found = estimate(points, valid, params=DivergenceParams(ks=KS, ties="dedupe"), pairs=ONE)
     assert found.valid.all()
     assert found.dropped.tolist() == [2 * COPIES - 2, 0]
     assert found.ties_other.tolist() == [[1, 0]]  # the place that both have stays, and has no logarithm for k = 1
     assert found.used.sum(-1).tolist() == [[N - 2 * COPIES + 1, N - 2 * COPIES + 2]]
     without = estimate(
-        points, valid & ~jnp.stack([duplicates(points[0], valid[0]), ~valid[1]]), DivergenceParams(ks=KS), ONE
+        points,
+        valid & ~jnp.stack([duplicates(points[0], valid[0]), ~valid[1]]),
+        params=DivergenceParams(ks=KS),
+        pairs=ONE,
     )
     assert float(found.value[0, 1]) == pytest.approx(float(without.value[0, 1]), abs=1e-6)
 
@@ -59,19 +62,19 @@ def test_dedupe_leaves_copies_out(sets, estimate):
 def test_jitter_moves_samples_apart_by_at_most_its_size(sets, estimate):
     points, valid = sets
     params = DivergenceParams(ks=KS, ties="jitter", size=0.01)
-    found = estimate(points, valid, params, ONE, jax.random.key(0))
+    found = estimate(points, valid, params=params, pairs=ONE, key=jax.random.key(0))
     assert found.valid.all()
     assert found.ties_own.tolist() == [[0, 0]]
-    other = estimate(points, valid, params, ONE, jax.random.key(1))
+    other = estimate(points, valid, params=params, pairs=ONE, key=jax.random.key(1))
     assert 0 < abs(float(found.value[0, 1] - other.value[0, 1])) < 0.1
     with pytest.raises(ValueError, match="random key"):
-        divergence(points, valid, params, ONE)
+        divergence(points, valid, params=params, pairs=ONE)
 
 
 def test_floor_raises_distances_and_counts_them(sets, estimate):
     values = {}
     for size in (1e-3, 1e-2):
-        found = estimate(*sets, DivergenceParams(ks=KS, ties="floor", size=size), ONE)
+        found = estimate(*sets, params=DivergenceParams(ks=KS, ties="floor", size=size), pairs=ONE)
         assert found.valid.all()
         assert found.ties_own.tolist() == [[2 * COPIES] * 2]
         values[size] = float(found.value[0, 1])
@@ -84,9 +87,13 @@ def test_without_ties_all_policies_agree(estimate):
     points = jnp.asarray(np.random.default_rng(1).normal(size=(2, N, 2)), jnp.float32)
     values = [
         float(
-            estimate(points, jnp.ones((2, N), bool), DivergenceParams(ks=KS, ties=policy, size=1e-7), ONE, key).value[
-                0, 1
-            ]
+            estimate(
+                points,
+                jnp.ones((2, N), bool),
+                params=DivergenceParams(ks=KS, ties=policy, size=1e-7),
+                pairs=ONE,
+                key=key,
+            ).value[0, 1]
         )
         for policy, key in (("error", None), ("dedupe", None), ("floor", None), ("jitter", jax.random.key(0)))
     ]

@@ -23,7 +23,7 @@ PERIOD, REACH = np.float32([7.3, 41.3]), np.float32([13.0, 97.0])
 
 
 def test_a_uniform_stream_has_its_flow_density_and_speed():
-    found = region(WAY, TIME, ALL, np.float32([10, 40]), np.float32([20, 100]))
+    found = region(WAY, TIME, mask=ALL, period=np.float32([10, 40]), reach=np.float32([20, 100]))
     assert found.flow == pytest.approx(0.5, rel=1e-4)
     assert found.density == pytest.approx(0.05, rel=1e-4)
     assert found.speed == pytest.approx(10, rel=1e-4)
@@ -31,12 +31,12 @@ def test_a_uniform_stream_has_its_flow_density_and_speed():
 
 def test_a_standing_queue_has_density_and_no_flow():
     way = np.float32(np.repeat([[0.0], [8], [16], [24], [100]], len(TIME), axis=1))
-    found = region(way, TIME, ALL[:5], np.float32([5, 50]), np.float32([0, 24]))
+    found = region(way, TIME, mask=ALL[:5], period=np.float32([5, 50]), reach=np.float32([0, 24]))
     assert found.flow == 0
     assert found.density == pytest.approx(3 / 24, rel=1e-5)
     assert found.speed == 0
     assert found.occupied
-    empty = region(way, TIME, ALL[:5], np.float32([5, 50]), np.float32([30, 40]))
+    empty = region(way, TIME, mask=ALL[:5], period=np.float32([5, 50]), reach=np.float32([30, 40]))
     assert not empty.occupied
     assert empty.speed == 0
 
@@ -52,19 +52,19 @@ def test_pieces_are_cut_exactly_by_the_sides():
         held = (middle > REACH[0]) & (middle < REACH[1]) & (t > PERIOD[0]) & (t < PERIOD[1])
         spent += held.sum() * (fine[1] - fine[0])
         driven += np.diff(x)[held].sum()
-    found = region(way, TIME, ALL[:6], PERIOD, REACH)
+    found = region(way, TIME, mask=ALL[:6], period=PERIOD, reach=REACH)
     assert found.time == pytest.approx(spent, rel=1e-3)
     assert found.distance == pytest.approx(driven, rel=1e-3)
 
 
 def test_cells_of_a_grid_add_up_to_the_whole():
     times, stations = np.linspace(*PERIOD, 5, dtype=np.float32), np.linspace(*REACH, 4, dtype=np.float32)
-    cells = diagram(WAY, TIME, ALL, times, stations)
-    whole = region(WAY, TIME, ALL, PERIOD, REACH)
+    cells = diagram(WAY, TIME, mask=ALL, times=times, stations=stations)
+    whole = region(WAY, TIME, mask=ALL, period=PERIOD, reach=REACH)
     assert cells.flow.shape == (4, 3)
     assert cells.time.sum() == pytest.approx(float(whole.time), rel=1e-4)
     assert cells.distance.sum() == pytest.approx(float(whole.distance), rel=1e-4)
-    one = region(WAY, TIME, ALL, times[1:3], stations[2:])
+    one = region(WAY, TIME, mask=ALL, period=times[1:3], reach=stations[2:])
     assert cells.flow[1, 2] == pytest.approx(float(one.flow), rel=1e-5)
     np.testing.assert_allclose(cells.speed, 10, rtol=1e-4)
 
@@ -72,12 +72,16 @@ def test_cells_of_a_grid_add_up_to_the_whole():
 def test_laps_of_a_closed_course_all_count():
     length = 120.0
     way = np.float32(15 * TIME + np.array([[0.0], [30], [60], [90]]))
-    ring = diagram(way, TIME, ALL[:4], np.float32([0, 30, 60]), np.float32([0, 50, 120]), length)
+    ring = diagram(
+        way, TIME, mask=ALL[:4], times=np.float32([0, 30, 60]), stations=np.float32([0, 50, 120]), length=length
+    )
     np.testing.assert_allclose(ring.density, 4 / 120, rtol=0.02)
     np.testing.assert_allclose(ring.flow, 15 * 4 / 120, rtol=0.02)
     assert ring.time.sum() == pytest.approx(4 * 60, rel=1e-4)
     assert ring.distance.sum() == pytest.approx(4 * 60 * 15, rel=1e-4)
-    back = diagram(-way, TIME, ALL[:4], np.float32([0, 30, 60]), np.float32([0, 50, 120]), length)
+    back = diagram(
+        -way, TIME, mask=ALL[:4], times=np.float32([0, 30, 60]), stations=np.float32([0, 50, 120]), length=length
+    )
     assert back.time.sum() == pytest.approx(4 * 60, rel=1e-4)
     np.testing.assert_allclose(back.speed, -15, rtol=1e-4)
 
@@ -85,22 +89,22 @@ def test_laps_of_a_closed_course_all_count():
 def test_single_precision_is_enough_after_many_kilometres(x64):
     way = WAY.astype(float) + 20_000.3
     reach = REACH + 20_000.0
-    exact = region(way, TIME.astype(float), ALL, PERIOD.astype(float), reach.astype(float))
-    single = region(way.astype(np.float32), TIME, ALL, PERIOD, reach.astype(np.float32))
+    exact = region(way, TIME.astype(float), mask=ALL, period=PERIOD.astype(float), reach=reach.astype(float))
+    single = region(way.astype(np.float32), TIME, mask=ALL, period=PERIOD, reach=reach.astype(np.float32))
     for name in ("flow", "density", "speed"):
         assert getattr(single, name) == pytest.approx(float(getattr(exact, name)), rel=1e-4)
 
 
 def test_order_of_vehicles_padding_and_missing_samples():
-    whole = region(WAY, TIME, ALL, PERIOD, REACH)
+    whole = region(WAY, TIME, mask=ALL, period=PERIOD, reach=REACH)
     padded = np.concatenate([WAY[::-1], np.full((3, len(TIME)), np.nan, np.float32)])
-    again = region(padded, TIME, np.isfinite(padded), PERIOD, REACH)
+    again = region(padded, TIME, mask=np.isfinite(padded), period=PERIOD, reach=REACH)
     assert again.flow == pytest.approx(float(whole.flow), rel=1e-5)
     mask = ALL.copy()
     mask[:, 7] = False
-    gap = region(WAY, TIME, mask, PERIOD, REACH)
-    without = region(WAY, TIME, ALL, PERIOD, REACH)
-    cut = region(WAY, TIME, ALL, TIME[[6, 8]], REACH)
+    gap = region(WAY, TIME, mask=mask, period=PERIOD, reach=REACH)
+    without = region(WAY, TIME, mask=ALL, period=PERIOD, reach=REACH)
+    cut = region(WAY, TIME, mask=ALL, period=TIME[[6, 8]], reach=REACH)
     assert gap.time == pytest.approx(float(without.time - cut.time), rel=1e-3)
 
 
@@ -110,7 +114,7 @@ def test_gradients_are_differences_and_finite_when_standing(x64):
 
     @jax.jit
     def total(way):
-        found = edie.region(way, time, mask, jnp.asarray(PERIOD, float), jnp.asarray(REACH, float))
+        found = edie.region(way, time, mask=mask, period=jnp.asarray(PERIOD, float), reach=jnp.asarray(REACH, float))
         return found.speed + 100 * found.density + found.flow
 
     slope = jax.jit(jax.grad(total))(way)

@@ -16,7 +16,7 @@ ALL = np.ones(WAY.shape, bool)
 
 def test_passages_come_in_order_with_their_headways():
     for rows in ([0, 1, 2], [2, 0, 1]):
-        found = find(WAY[rows], TIME, ALL, 103.0)
+        found = find(WAY[rows], TIME, mask=ALL, station=103.0)
         np.testing.assert_allclose(found.time, [10.3, 12.3, 17.3], rtol=1e-5)
         np.testing.assert_allclose(found.headway, [0, 2, 5], rtol=1e-4)
         np.testing.assert_array_equal(np.array(rows)[found.vehicle], [0, 1, 2])
@@ -24,14 +24,14 @@ def test_passages_come_in_order_with_their_headways():
 
 
 def test_throughput_is_passages_per_second():
-    found = find(WAY, TIME, ALL, 103.0)
+    found = find(WAY, TIME, mask=ALL, station=103.0)
     np.testing.assert_allclose(flow.throughput(found, jnp.array([0.0, 10.0, 15.0, 25.0])), [0, 0.4, 0.1], rtol=1e-5)
 
 
 def test_a_closed_course_is_passed_every_lap_and_absent_vehicles_never():
     mask = ALL.copy()
     mask[1] = False
-    found = find(np.where(mask, WAY, np.nan), TIME, mask, 50.0, 2.0, 200.0, laps=4)
+    found = find(np.where(mask, WAY, np.nan), TIME, mask=mask, station=50.0, margin=2.0, length=200.0, laps=4)
     assert found.count == 6
     np.testing.assert_allclose(found.time[:6], [5, 12, 25, 32, 45, 52], rtol=1e-5)
     np.testing.assert_array_equal(found.vehicle[:6], [0, 2, 0, 2, 0, 2])
@@ -41,7 +41,7 @@ def test_a_closed_course_is_passed_every_lap_and_absent_vehicles_never():
 
 def test_travel_times_between_stations():
     way = np.float32(np.array([[10.0], [8.0], [1.0]]) * TIME)
-    seconds, both = jax.jit(flow.travel_times)(way, TIME, ALL, 21.0, 101.0)
+    seconds, both = jax.jit(flow.travel_times)(way, TIME, mask=ALL, start=21.0, end=101.0)
     np.testing.assert_allclose(seconds, [8, 10, 0], rtol=1e-5)
     np.testing.assert_array_equal(both, [True, True, False])
 
@@ -78,8 +78,8 @@ def test_gradients_are_differences(x64):
 
     @jax.jit
     def total(way):
-        found = flow.passages(way, time, mask, 83.0)
-        seconds, both = flow.travel_times(way, time, mask, 21.0, 83.0)
+        found = flow.passages(way, time, mask=mask, station=83.0)
+        seconds, both = flow.travel_times(way, time, mask=mask, start=21.0, end=83.0)
         return jnp.sum(found.headway * found.time) + flow.gini(seconds + found.time, both)
 
     slope = jax.jit(jax.grad(total))(way)

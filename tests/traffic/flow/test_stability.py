@@ -11,8 +11,8 @@ from urbanjax.traffic.flow import stability, transfer
 from urbanjax.types.errors import TrafficError
 
 gains = jax.jit(stability.gains)
-spectra = jax.jit(transfer.transfer, static_argnums=3)
-interval = jax.jit(stability.bootstrapped, static_argnums=(3, 4))
+spectra = jax.jit(transfer.transfer, static_argnames="length")
+interval = jax.jit(stability.bootstrapped, static_argnames=("block", "draws"))
 T, RATE = 400, 10.0
 TIME = np.arange(T) / RATE
 GROWTH = np.array([1, 1.2, 0.9, 1.5])
@@ -58,9 +58,9 @@ def test_an_absent_vehicle_is_passed_over_and_padding_changes_nothing():
     np.testing.assert_allclose(found.linf[there], plain.linf, rtol=1e-4)
     assert found.chain_l2 == pytest.approx(float(plain.chain_l2), rel=1e-4)
     assert not found.pair[np.array([2, 5, 6])].any()
-    seen = spectra(speed, mask, RATE, 64)
+    seen = spectra(speed, mask, rate=RATE, length=64)
     assert seen.segments[2] == 0
-    np.testing.assert_allclose(seen.gain[there, :8], spectra(SPEED, ALL, RATE, 64).gain[:, :8], rtol=1e-3)
+    np.testing.assert_allclose(seen.gain[there, :8], spectra(SPEED, ALL, rate=RATE, length=64).gain[:, :8], rtol=1e-3)
 
 
 def test_one_vehicle_is_no_platoon():
@@ -83,7 +83,7 @@ def test_each_pair_is_compared_over_the_samples_of_both():
 @pytest.mark.parametrize("length", [64, 75])
 def test_spectra_are_scipys(length):
     speed = platoon(1, noise=0.3)
-    found = spectra(speed, ALL, RATE, length)
+    found = spectra(speed, ALL, rate=RATE, length=length)
     options = {"fs": RATE, "window": "hann", "nperseg": length, "noverlap": length - length // 2, "detrend": "constant"}
     frequency, power = scipy.signal.welch(speed, **options)
     _, cross = scipy.signal.csd(speed[:-1], speed[1:], **options)
@@ -99,30 +99,32 @@ def test_spectra_are_scipys(length):
 
 def test_a_segment_longer_than_the_log_is_refused():
     with pytest.raises(TrafficError, match="segments of 401 samples of a series of 400"):
-        transfer.transfer(jnp.asarray(SPEED), jnp.asarray(ALL), RATE, 401)
+        transfer.transfer(jnp.asarray(SPEED), jnp.asarray(ALL), rate=RATE, length=401)
 
 
 def test_gain_and_delay_of_each_vehicle_come_out_where_the_disturbance_is():
-    found = spectra(SPEED, ALL, RATE, 200)
+    found = spectra(SPEED, ALL, rate=RATE, length=200)
     for f in (0.05, 0.1, 0.25, 0.5):
         at = int(np.argmin(np.abs(np.asarray(found.frequency) - f)))
         np.testing.assert_allclose(found.gain[1:, at], GROWTH[1:], rtol=0.03)
         np.testing.assert_allclose(found.phase[1:, at], -np.pi * f, atol=0.05)
         assert np.all(found.coherence[1:, at] > 0.97)
-    gain, frequency, some = transfer.worst(found, 0.04, 0.6, 0.9)
+    gain, frequency, some = transfer.worst(found, 0.04, high=0.6, coherence=0.9)
     np.testing.assert_allclose(gain[1:], GROWTH[1:], rtol=0.15)
     assert np.all((frequency[1:] >= 0.04) & (frequency[1:] <= 0.6))
     assert some.tolist() == [False, True, True, True]
     # The coherence of one segment is 1, and no evidence.
-    assert not transfer.worst(spectra(SPEED[:, :200], ALL[:, :200], RATE, 200), 0.04, 0.6, 0.9)[2].any()
+    assert not transfer.worst(
+        spectra(SPEED[:, :200], ALL[:, :200], rate=RATE, length=200), 0.04, high=0.6, coherence=0.9
+    )[2].any()
 
 
 def test_segments_with_a_missing_sample_are_left_out():
     mask, speed = ALL.copy(), platoon(2, noise=0.3)
     mask[1, 250:] = False
     found, short = (
-        spectra(np.where(mask, speed, np.nan), mask, RATE, 50),
-        spectra(speed[:, :250], ALL[:, :250], RATE, 50),
+        spectra(np.where(mask, speed, np.nan), mask, rate=RATE, length=50),
+        spectra(speed[:, :250], ALL[:, :250], rate=RATE, length=50),
     )
     np.testing.assert_allclose(found.gain[1:3], short.gain[1:3], rtol=1e-4)
     assert found.segments[3] > found.segments[2] == short.segments[2]
@@ -131,25 +133,25 @@ def test_segments_with_a_missing_sample_are_left_out():
 def test_intervals_hold_the_gain_and_shrink_with_the_length_of_the_log():
     key = jax.random.key(0)
     speed = platoon(3, noise=0.2)
-    pairs, chain = interval(key, speed, ALL, 50, 200, 0.9)
-    again, _ = interval(key, speed, ALL, 50, 200, 0.9)
+    pairs, chain = interval(key, speed, mask=ALL, block=50, draws=200, level=0.9)
+    again, _ = interval(key, speed, mask=ALL, block=50, draws=200, level=0.9)
     np.testing.assert_array_equal(pairs, again)
     found = gains(speed, ALL)
     assert np.all((pairs[1:, 0] < found.l2[1:]) & (found.l2[1:] < pairs[1:, 1]))
     assert chain[0] < found.chain_l2 < chain[1]
-    fewer, _ = interval(key, speed[:, :100], ALL[:, :100], 50, 200, 0.9)
+    fewer, _ = interval(key, speed[:, :100], mask=ALL[:, :100], block=50, draws=200, level=0.9)
     assert np.all((fewer[1:, 1] - fewer[1:, 0]).mean() > (pairs[1:, 1] - pairs[1:, 0]).mean())
 
 
 def test_blocks_are_consecutive_and_begin_anywhere():
-    index = np.asarray(bootstrap.blocks(jax.random.key(1), 50, 8, 400))
+    index = np.asarray(bootstrap.blocks(jax.random.key(1), 50, block=8, draws=400))
     assert index.shape == (400, 50)
     assert np.all(np.diff(index[:, :48].reshape(400, 6, 8), axis=2) % 50 == 1)
     assert set(index[:, 0]) == set(range(50))
     share = np.bincount(index.ravel(), minlength=50) / index.size
     np.testing.assert_allclose(share, 1 / 50, rtol=0.15)
     with pytest.raises(TrafficError, match="blocks of 51 samples"):
-        bootstrap.blocks(jax.random.key(1), 50, 51, 2)
+        bootstrap.blocks(jax.random.key(1), 50, block=51, draws=2)
 
 
 def test_gradients_are_differences_and_finite_at_standstill(x64):
@@ -158,7 +160,7 @@ def test_gradients_are_differences_and_finite_at_standstill(x64):
 
     @jax.jit
     def total(speed):
-        found, seen = stability.gains(speed, mask), transfer.transfer(speed, mask, RATE, 12)
+        found, seen = stability.gains(speed, mask), transfer.transfer(speed, mask, rate=RATE, length=12)
         shares = jnp.sum(found.l2) + jnp.sum(found.linf) + found.chain_l2
         return shares + jnp.sum(seen.gain[:, 1:4]) + jnp.sum(seen.coherence[:, 1:4]) + jnp.sum(seen.power)
 

@@ -73,7 +73,7 @@ def test_in_one_lane_it_is_the_one_dimensional_time(x64):
     way = np.array([np.cos(0.7), np.sin(0.7)])
     own = objects(np.zeros(2), heading, speed, length=5.0)
     leader = objects((gap + 4.5)[:, None] * way, heading, front, length=4.0, width=2.5)
-    expected = time_to_collision(*(jnp.asarray(x) for x in (gap, speed, front)))
+    expected = time_to_collision(jnp.asarray(gap), jnp.asarray(speed), front_speed=jnp.asarray(front))
     np.testing.assert_allclose(collision(own, leader), expected, rtol=1e-9)
 
 

@@ -19,7 +19,7 @@ NAMED = [name for row in TABLES if len(row) == 3 for name in re.findall(r"`([\w.
 
 @pytest.fixture(scope="module")
 def measured():
-    return jax.jit(lambda tracks: measure(tracks, 0.1, SafetyParams()))
+    return jax.jit(lambda tracks: measure(tracks, 0.1, params=SafetyParams()))
 
 
 @pytest.mark.parametrize("row", ROWS, ids=[row[0] for row in ROWS])

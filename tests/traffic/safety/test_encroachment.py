@@ -6,9 +6,9 @@ from tests.traffic.safety.scenes import drive, meet, objects, outline, random_ob
 from urbanjax.traffic.safety.encroachment import conflict_area, encroachments, post_encroachment_time
 
 DT, COUNT = 0.2, 25
-one_pair = jax.jit(lambda a, b: post_encroachment_time(a, b, DT, COUNT))
-pet_of, area_of = jax.jit(post_encroachment_time, static_argnums=3), jax.jit(conflict_area)
-area = jax.jit(lambda a, b: conflict_area(a, b, DT))
+one_pair = jax.jit(lambda a, b: post_encroachment_time(a, b, dt=DT, window=COUNT))
+pet_of, area_of = jax.jit(post_encroachment_time, static_argnames="window"), jax.jit(conflict_area)
+area = jax.jit(lambda a, b: conflict_area(a, b, dt=DT))
 
 
 def winding(seed, n):
@@ -58,9 +58,9 @@ def test_pet_is_the_least_lag_of_overlapping_footprints(tracks, table):
     assert np.isinf(expected).sum() > 5
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     np.fill_diagonal(expected, np.inf)
-    np.testing.assert_allclose(jax.jit(lambda t: encroachments(t, DT, COUNT))(tracks), expected, rtol=1e-6)
+    np.testing.assert_allclose(jax.jit(lambda t: encroachments(t, DT, window=COUNT))(tracks), expected, rtol=1e-6)
     within = np.where(expected < 3.5 * DT, expected, np.inf)
-    np.testing.assert_allclose(jax.jit(lambda t: encroachments(t, DT, 3))(tracks), within, rtol=1e-6)
+    np.testing.assert_allclose(jax.jit(lambda t: encroachments(t, DT, window=3))(tracks), within, rtol=1e-6)
 
 
 def test_conflict_area_is_what_both_sweep(tracks, table):
@@ -87,24 +87,24 @@ def test_a_crossing_at_right_angles_has_the_pet_of_geometry():
     for dt, count in ((0.1, 60), (0.025, 240)):
         for delay in (0.33, 1.27):
             first, second = crossing(delay, dt, count)
-            point = float(pet_of(first, second, dt, count))
-            whole = area_of(first, second, dt)
+            point = float(pet_of(first, second, dt=dt, window=count))
+            whole = area_of(first, second, dt=dt)
             assert delay <= point + 1e-4
             assert point <= delay + 2 * dt + 1e-4
             np.testing.assert_allclose(whole.pet, point, atol=1e-4)
-            assert np.isinf(pet_of(second, first, dt, count))
+            assert np.isinf(pet_of(second, first, dt=dt, window=count))
 
 
 def test_a_collision_has_no_time_between_and_a_follower_its_time_gap():
     same = objects([[0.0, 0.0], [0.0, 0.0], [-16.5, 0.0]], np.zeros(3), 10.0)
-    found = encroachments(drive(same, 40, 0.1), 0.1, 20)
+    found = encroachments(drive(same, 40, 0.1), 0.1, window=20)
     np.testing.assert_allclose(found, [[np.inf, 0, 1.3], [0, np.inf, 1.3], [np.inf, np.inf, np.inf]], rtol=1e-6)
 
 
 def test_scenarios_go_through_vmap():
     both = [winding(seed, 3) for seed in (3, 4)]
     stacked = jax.tree.map(lambda *x: np.stack(x), *both)
-    found = jax.jit(jax.vmap(lambda t: encroachments(t, DT, 10)))(stacked)
-    few = jax.jit(lambda t: encroachments(t, DT, 10))
+    found = jax.jit(jax.vmap(lambda t: encroachments(t, DT, window=10)))(stacked)
+    few = jax.jit(lambda t: encroachments(t, DT, window=10))
     for one, expected in zip(found, both, strict=True):
         np.testing.assert_allclose(one, few(expected), rtol=1e-6)

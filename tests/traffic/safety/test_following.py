@@ -16,8 +16,8 @@ def arrays(*values):
 
 
 def test_the_gap_is_closed_after_the_time_to_collision_and_not_before(x64):
-    gap, speed, front = sample()
-    found = np.asarray(time_to_collision(*arrays(gap, speed, front)))
+    gap, speed, front = arrays(*sample())
+    found = np.asarray(time_to_collision(gap, speed, front_speed=front))
     never = np.isinf(found)
     assert 0.2 < never.mean() < 0.8
     time = np.where(never, 1e4, found)
@@ -27,8 +27,8 @@ def test_the_gap_is_closed_after_the_time_to_collision_and_not_before(x64):
 
 
 def test_the_required_deceleration_stops_the_closing_at_the_bumper(x64):
-    gap, speed, front = sample(seed=1)
-    found = np.asarray(required_deceleration(*arrays(gap, speed, front)))
+    gap, speed, front = arrays(*sample(seed=1))
+    found = np.asarray(required_deceleration(gap, speed, front_speed=front))
     closing = speed > front
     time = ((speed - front) / np.where(closing, found, 1))[closing]
     left = gap[closing] + (front - speed)[closing] * time + found[closing] * time**2 / 2
@@ -37,9 +37,9 @@ def test_the_required_deceleration_stops_the_closing_at_the_bumper(x64):
 
 
 def test_the_headway_is_the_time_until_the_follower_is_where_the_leader_is(x64):
-    gap, speed, _ = sample(seed=2)
-    length = np.full_like(gap, 4.5)
-    headway, behind = time_headway(*arrays(gap, speed, length)), time_gap(*arrays(gap, speed))
+    gap, speed, _ = arrays(*sample(seed=2))
+    length = jnp.full_like(gap, 4.5)
+    headway, behind = time_headway(gap, speed, front_length=length), time_gap(gap, speed)
     np.testing.assert_allclose(headway * speed, gap + length, rtol=1e-12)
     np.testing.assert_allclose(behind * speed, gap, rtol=1e-12)
 
@@ -60,16 +60,20 @@ def test_the_headway_is_the_time_until_the_follower_is_where_the_leader_is(x64):
 )
 def test_known_answers(gap, speed, front, ttc, behind, headway, deceleration):
     gap, speed, front, length = arrays(gap, speed, front, 4.0)
-    np.testing.assert_allclose(time_to_collision(gap, speed, front), ttc, rtol=1e-6)
+    np.testing.assert_allclose(time_to_collision(gap, speed, front_speed=front), ttc, rtol=1e-6)
     np.testing.assert_allclose(time_gap(gap, speed), behind, rtol=1e-6)
-    np.testing.assert_allclose(time_headway(gap, speed, length), headway, rtol=1e-6)
-    np.testing.assert_allclose(required_deceleration(gap, speed, front), deceleration, rtol=1e-6)
+    np.testing.assert_allclose(time_headway(gap, speed, front_length=length), headway, rtol=1e-6)
+    np.testing.assert_allclose(required_deceleration(gap, speed, front_speed=front), deceleration, rtol=1e-6)
 
 
-FUNCTIONS = (time_to_collision, required_deceleration, time_headway)
+FUNCTIONS = {
+    "time_to_collision": lambda gap, speed, front: time_to_collision(gap, speed, front_speed=front),
+    "required_deceleration": lambda gap, speed, front: required_deceleration(gap, speed, front_speed=front),
+    "time_headway": lambda gap, speed, front: time_headway(gap, speed, front_length=front),
+}
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 @pytest.mark.parametrize("which", range(3))
 def test_gradients_equal_central_differences(x64, function, which):
     gap, speed, front = sample(100, seed=3)
@@ -85,7 +89,7 @@ def test_gradients_equal_central_differences(x64, function, which):
     np.testing.assert_array_equal(slope[~finite], 0)
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 def test_gradients_are_finite_in_contact_at_rest_and_at_equal_speeds(function):
     cases = np.array([[0, 5, 5], [0, 0, 0], [-1, 5, 0], [1e-6, 40, 0], [2e-6, 40, 0], [1e6, 1e-6, 0], [9, 3, 3]])
     for slope in jax.grad(lambda *a: jnp.sum(function(*a)), (0, 1, 2))(*arrays(*cases.T)):

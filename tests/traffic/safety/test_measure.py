@@ -17,7 +17,7 @@ PARAMS = SafetyParams(ttc_threshold=3.0, pet_window=8)
 
 @pytest.fixture(scope="module")
 def evaluate():
-    return jax.jit(lambda tracks: measure(tracks, DT, PARAMS))
+    return jax.jit(lambda tracks: measure(tracks, DT, params=PARAMS))
 
 
 def traffic(seed, dtype=None):
@@ -70,8 +70,8 @@ def test_the_leader_is_the_nearest_in_the_own_strip(x64):
 
 
 def test_it_is_a_loop_over_samples_and_pairs(x64, evaluate):
-    collision, danger = jax.jit(box_time_to_collision), jax.jit(lambda a, b: rss(a, b, PARAMS.rss).margin)
-    late = jax.jit(lambda a, b: post_encroachment_time(a, b, DT, PARAMS.pet_window))
+    collision, danger = jax.jit(box_time_to_collision), jax.jit(lambda a, b: rss(a, b, params=PARAMS.rss).margin)
+    late = jax.jit(lambda a, b: post_encroachment_time(a, b, dt=DT, window=PARAMS.pet_window))
     tracks = traffic(1)
     found = evaluate(tracks)
     ttc, margin, pet = np.full((T, V, V), np.inf), np.full((T, V, V), np.inf), np.full((V, V), np.inf)
@@ -170,7 +170,7 @@ def test_a_given_leader_takes_the_place_of_the_nearest(evaluate):
     start = objects([[0.0, 0.0], [20.0, 0.0], [50.0, 0.0]], np.zeros(3), [10.0, 8.0, 4.0])
     tracks = drive(start, T, DT)
     given = Leaders(jnp.array([2, 2, 0]), jnp.array([True, False, True]))
-    led = jax.jit(lambda tracks, leaders: measure(tracks, DT, PARAMS, leaders))
+    led = jax.jit(lambda tracks, leaders: measure(tracks, DT, params=PARAMS, leaders=leaders))
     found = led(tracks, given).series.following
     np.testing.assert_allclose(found.gap[0], [46, np.inf, np.inf], rtol=1e-6)  # one behind is no leader
     np.testing.assert_allclose(found.ttc[0], [46 / 6, np.inf, np.inf], rtol=1e-6)
@@ -189,7 +189,7 @@ NAMES = ("position", "heading", "speed")
 def terms(tracks, step, direction):
     """What is differentiable in the summary of tracks moved by a step in a direction."""
     moved = {name: getattr(tracks, name) + step * way for name, way in zip(NAMES, direction, strict=True)}
-    s = measure(tracks.replace(**moved), DT, PARAMS).summary
+    s = measure(tracks.replace(**moved), DT, params=PARAMS).summary
     return jnp.stack([s.min_ttc[0], s.min_headway[0], s.max_deceleration[0], s.tit[0], *s.min_box_ttc, *s.box_tit])
 
 
@@ -217,7 +217,7 @@ def test_gradients_are_finite_where_vehicles_stand_coincide_touch_or_are_absent(
     tracks = drive(start, 4, DT)
 
     def total(position, heading, speed):
-        found = measure(tracks.replace(position=position, heading=heading, speed=speed), DT, PARAMS)
+        found = measure(tracks.replace(position=position, heading=heading, speed=speed), DT, params=PARAMS)
         return sum(jnp.sum(jnp.where(jnp.isinf(x), 0, x)) for x in jax.tree.leaves(found.summary))
 
     for slope in jax.jit(jax.grad(total, (0, 1, 2)))(tracks.position, tracks.heading, tracks.speed):
@@ -227,8 +227,8 @@ def test_gradients_are_finite_where_vehicles_stand_coincide_touch_or_are_absent(
 def test_wrong_shapes_are_named():
     tracks = traffic(0)
     with pytest.raises(ScenarioError, match=r"tracks\.speed has the shape \(5,\)"):
-        measure(tracks.replace(speed=tracks.speed[0]), DT, PARAMS)
+        measure(tracks.replace(speed=tracks.speed[0]), DT, params=PARAMS)
     with pytest.raises(ScenarioError, match=r"tracks\.valid has the shape .*vmap"):
-        measure(jax.tree.map(lambda x: x[None], tracks), DT, PARAMS)
+        measure(jax.tree.map(lambda x: x[None], tracks), DT, params=PARAMS)
     with pytest.raises(ScenarioError, match=r"leaders\.index has the shape \(3,\)"):
-        measure(tracks, DT, PARAMS, Leaders(jnp.zeros(3, jnp.int32), jnp.zeros(V, bool)))
+        measure(tracks, DT, params=PARAMS, leaders=Leaders(jnp.zeros(3, jnp.int32), jnp.zeros(V, bool)))

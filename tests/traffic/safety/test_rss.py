@@ -47,7 +47,7 @@ def speeds(seed, low, high, n=60):
 def test_the_same_direction_distance_is_what_the_worst_case_closes(x64):
     rear, front = speeds(0, 0, 30)
     worst = stepped(rear, PARAMS.max_acceleration, PARAMS.min_braking) - braked_at_once(front, PARAMS.max_braking)
-    found = np.asarray(same_direction_distance(jnp.asarray(rear), jnp.asarray(front), PARAMS))
+    found = np.asarray(same_direction_distance(jnp.asarray(rear), jnp.asarray(front), params=PARAMS))
     assert (found == 0).any()
     np.testing.assert_allclose(found, np.maximum(worst.max(0), 0), atol=0.02)
 
@@ -56,7 +56,7 @@ def test_the_opposite_direction_distance_is_what_the_worst_case_closes(x64):
     one, two = speeds(1, 0, 30)
     worst = stepped(one, PARAMS.max_acceleration, PARAMS.min_braking_correct)
     worst = worst + stepped(two, PARAMS.max_acceleration, PARAMS.min_braking)
-    found = opposite_direction_distance(jnp.asarray(one), jnp.asarray(two), PARAMS)
+    found = opposite_direction_distance(jnp.asarray(one), jnp.asarray(two), params=PARAMS)
     np.testing.assert_allclose(found, worst.max(0), atol=0.03)
 
 
@@ -64,7 +64,7 @@ def test_the_lateral_distance_is_what_the_worst_case_closes_and_the_margin(x64):
     one, two = speeds(2, -2, 2)
     given = PARAMS.max_lateral_acceleration, PARAMS.min_lateral_braking
     worst = stepped(one, *given) + stepped(two, *given)
-    found = np.asarray(lateral_distance(jnp.asarray(one), jnp.asarray(two), PARAMS))
+    found = np.asarray(lateral_distance(jnp.asarray(one), jnp.asarray(two), params=PARAMS))
     assert 0.2 < (found > PARAMS.lateral_margin).mean() < 0.9
     np.testing.assert_allclose(found, PARAMS.lateral_margin + np.maximum(worst.max(0), 0), atol=5e-3)
 
@@ -73,9 +73,9 @@ def test_the_published_lemmas_hold_number_by_number(x64):
     """By hand, with the defaults: rho 1 s, a 3.5, b_max 8, b_min 4, correct 3; lateral 0.2 and 0.8."""
     ten, zero = jnp.asarray(10.0), jnp.asarray(0.0)
     params = RSSParams()
-    assert same_direction_distance(ten, ten, params) == 10 + 1.75 + 13.5**2 / 8 - 100 / 16
-    assert opposite_direction_distance(ten, ten, params) == 23.5 + 13.5**2 / 6 + 13.5**2 / 8
-    np.testing.assert_allclose(lateral_distance(zero, zero, params), 2 * (0.1 + 0.04 / 1.6))
+    assert same_direction_distance(ten, ten, params=params) == 10 + 1.75 + 13.5**2 / 8 - 100 / 16
+    assert opposite_direction_distance(ten, ten, params=params) == 23.5 + 13.5**2 / 6 + 13.5**2 / 8
+    np.testing.assert_allclose(lateral_distance(zero, zero, params=params), 2 * (0.1 + 0.04 / 1.6))
 
 
 def pairs(seed, n=300):
@@ -98,7 +98,7 @@ def gaps_of_corners(a, b):
 
 def test_margins_are_the_distances_of_corners_less_the_least_safe_ones(x64):
     a, b = pairs(3)
-    found = jitted(a, b, PARAMS)
+    found = jitted(a, b, params=PARAMS)
     along, across = gaps_of_corners(a, b)
     turn = np.asarray(b.heading - a.heading)
     away = np.asarray(b.position - a.position)
@@ -109,13 +109,15 @@ def test_margins_are_the_distances_of_corners_less_the_least_safe_ones(x64):
     for i in range(len(turn)):
         one, two = (jnp.asarray(x) for x in (own[i], other[i]))
         if ahead[i] >= 0 and other[i] < -0.1:
-            kind, least = "oncoming", opposite_direction_distance(one, -two, PARAMS)
+            kind, least = "oncoming", opposite_direction_distance(one, -two, params=PARAMS)
         elif ahead[i] >= 0:
-            kind, least = "ahead", same_direction_distance(one, jnp.maximum(two, 0), PARAMS)
+            kind, least = "ahead", same_direction_distance(one, jnp.maximum(two, 0), params=PARAMS)
         else:
-            kind, least = "behind", same_direction_distance(jnp.maximum(two, 0), one, PARAMS)
+            kind, least = "behind", same_direction_distance(jnp.maximum(two, 0), one, params=PARAMS)
         kinds.add(kind)
-        beside = lateral_distance(jnp.asarray(0.0), jnp.asarray(-sideways[i] if left[i] > 0 else sideways[i]), PARAMS)
+        beside = lateral_distance(
+            jnp.asarray(0.0), jnp.asarray(-sideways[i] if left[i] > 0 else sideways[i]), params=PARAMS
+        )
         np.testing.assert_allclose(found.longitudinal[i], along[i] - least, atol=1e-9)
         np.testing.assert_allclose(found.lateral[i], across[i] - beside, atol=1e-9)
     assert kinds == {"oncoming", "ahead", "behind"}
@@ -127,29 +129,29 @@ def test_margins_are_the_distances_of_corners_less_the_least_safe_ones(x64):
 
 def test_margins_are_invariant_under_motion_and_mirror(x64):
     a, b = pairs(4)
-    reference = jitted(a, b, PARAMS)
+    reference = jitted(a, b, params=PARAMS)
     rotation = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
     for change in (
         lambda o: o.replace(position=o.position @ rotation.T + 1e4, heading=o.heading + 0.9),
         lambda o: o.replace(position=o.position * np.array([[1.0, -1.0]]), heading=-o.heading),
     ):
-        found = jitted(change(a), change(b), PARAMS)
+        found = jitted(change(a), change(b), params=PARAMS)
         np.testing.assert_allclose(found.margin, reference.margin, atol=1e-8)
 
 
 def test_one_that_reverses_towards_a_vehicle_behind_meets_it(x64):
     own, other = (objects(p, 0.0, v) for p, v in ((np.zeros(2), -3.0), (np.array([-50.0, 0.0]), 5.0)))
-    least = opposite_direction_distance(jnp.asarray(3.0), jnp.asarray(5.0), PARAMS)
-    np.testing.assert_allclose(rss(own, other, PARAMS).longitudinal, 46 - least)
+    least = opposite_direction_distance(jnp.asarray(3.0), jnp.asarray(5.0), params=PARAMS)
+    np.testing.assert_allclose(rss(own, other, params=PARAMS).longitudinal, 46 - least)
 
 
 def test_an_absent_vehicle_is_no_danger_and_passes_no_gradient():
     own = objects(np.zeros((2, 2)), [0.0, 0.0], 10.0)
     other = objects(np.full((2, 2), np.nan), [np.nan, np.nan], np.nan, valid=False)
-    found = jitted(own, other, PARAMS)
+    found = jitted(own, other, params=PARAMS)
     assert np.isposinf(found.margin).all()
     assert not np.asarray(found.dangerous).any()
-    slope = jax.grad(lambda s: jnp.sum(rss(own.replace(speed=s), other, PARAMS).margin))(own.speed)
+    slope = jax.grad(lambda s: jnp.sum(rss(own.replace(speed=s), other, params=PARAMS).margin))(own.speed)
     np.testing.assert_array_equal(slope, 0)
 
 
@@ -159,20 +161,20 @@ def test_gradients_of_the_margin_equal_central_differences(x64, name):
     direction = np.random.default_rng(6).normal(size=np.shape(getattr(b, name)))
 
     def moved(step):
-        return jitted(a, b.replace(**{name: getattr(b, name) + step * direction}), PARAMS).margin
+        return jitted(a, b.replace(**{name: getattr(b, name) + step * direction}), params=PARAMS).margin
 
     _, slope = jax.jvp(moved, (0.0,), (1.0,))
     np.testing.assert_allclose(slope, (moved(1e-6) - moved(-1e-6)) / 2e-6, rtol=1e-5, atol=1e-6)
-    by_params = jax.grad(lambda p: jnp.sum(rss(a, b, p).margin))(jax.tree.map(jnp.asarray, PARAMS))
+    by_params = jax.grad(lambda p: jnp.sum(rss(a, b, params=p).margin))(jax.tree.map(jnp.asarray, PARAMS))
     step = 1e-6
-    up, down = (jnp.sum(rss(a, b, PARAMS.replace(response_time=0.7 + s)).margin) for s in (step, -step))
+    up, down = (jnp.sum(rss(a, b, params=PARAMS.replace(response_time=0.7 + s)).margin) for s in (step, -step))
     np.testing.assert_allclose(by_params.response_time, (up - down) / (2 * step), rtol=1e-6)
 
 
 def test_gradients_are_finite_for_coincident_and_standing_vehicles():
     own, other = (objects(np.zeros((3, 2)), np.zeros(3), speed) for speed in ([0.0, 5.0, 5.0], [0.0, 5.0, -0.1]))
     slopes = jax.grad(
-        lambda p, h, s: jnp.sum(rss(own, other.replace(position=p, heading=h, speed=s), PARAMS).margin),
+        lambda p, h, s: jnp.sum(rss(own, other.replace(position=p, heading=h, speed=s), params=PARAMS).margin),
         (
             0,
             1,

@@ -33,7 +33,7 @@ def values(found):
 
 @pytest.mark.parametrize("block", [7, 256])
 def test_distances_between_samples_are_scipys(block):
-    found = samples(X, Y, ALL_X, ALL_Y, 0.9, block=block)
+    found = samples(X, Y, x_mask=ALL_X, y_mask=ALL_Y, level=0.9, block=block)
     for side, (a, b) in ((found.there, (X, Y)), (found.back, (Y, X))):
         near = cKDTree(b).query(a)[0]
         expected = [near.mean(), np.sqrt((near**2).mean()), np.quantile(near, 0.9), directed_hausdorff(a, b)[0]]
@@ -43,7 +43,7 @@ def test_distances_between_samples_are_scipys(block):
 
 
 def test_the_nearest_samples_are_the_trees():
-    to_y, to_x = jax.jit(similarity.nearest, static_argnums=4)(X, Y, ALL_X, ALL_Y, 16)
+    to_y, to_x = jax.jit(similarity.nearest, static_argnames="block")(X, Y, x_mask=ALL_X, y_mask=ALL_Y, block=16)
     np.testing.assert_array_equal(to_y, cKDTree(Y).query(X)[1])
     np.testing.assert_array_equal(to_x, cKDTree(X).query(Y)[1])
 
@@ -53,7 +53,7 @@ def test_large_sets_are_searched_by_trees():
     x, y = route(2100, 2), route(2000, 3)
     assert len(x) * len(y) > similarity.PAIRS
     x_mask, y_mask = np.arange(2100) < 2050, np.arange(2000) < 1900
-    found = samples(x, y, x_mask, y_mask)
+    found = samples(x, y, x_mask=x_mask, y_mask=y_mask)
     there, back = cKDTree(y[y_mask]).query(x[x_mask])[0], cKDTree(x[x_mask]).query(y[y_mask])[0]
     np.testing.assert_allclose([found.there.mean, found.back.mean], [there.mean(), back.mean()], rtol=1e-5)
     np.testing.assert_allclose([found.there.hausdorff, found.back.hausdorff], [there.max(), back.max()], rtol=1e-5)
@@ -62,9 +62,9 @@ def test_large_sets_are_searched_by_trees():
 def test_samples_carry_a_quarter_of_the_spacing_and_lines_do_not():
     x = np.stack([np.linspace(10, 90, 60), np.zeros(60)], -1).astype(np.float32)
     y = np.stack([2.5 * np.arange(43), np.zeros(43)], -1).astype(np.float32)
-    assert samples(x, y, ALL_X, ALL_Y).there.mean == pytest.approx(2.5 / 4, rel=0.05)
-    assert lines(x, y, ALL_X, ALL_Y).there.hausdorff == 0
-    shifted = lines(x + np.float32([0, 3]), y, ALL_X, ALL_Y).there
+    assert samples(x, y, x_mask=ALL_X, y_mask=ALL_Y).there.mean == pytest.approx(2.5 / 4, rel=0.05)
+    assert lines(x, y, x_mask=ALL_X, y_mask=ALL_Y).there.hausdorff == 0
+    shifted = lines(x + np.float32([0, 3]), y, x_mask=ALL_X, y_mask=ALL_Y).there
     np.testing.assert_allclose([getattr(shifted, f) for f in FIELDS], 3, rtol=1e-6)
 
 
@@ -72,45 +72,55 @@ def test_a_closed_line_goes_on_from_its_last_sample_to_its_first():
     corners = np.float32([[0, 0], [10, 0], [10, 10], [0, 10], [7, 7]])
     mask = np.array([1, 1, 1, 1, 0], bool)
     beside = jnp.array([[-3.0, 4.0]])
-    assert similarity.to_line(beside, jnp.asarray(corners), jnp.asarray(mask))[0] == 5
-    assert similarity.to_line(beside, jnp.asarray(corners), jnp.asarray(mask), closed=True)[0] == 3
+    assert similarity.to_line(beside, jnp.asarray(corners), y_mask=jnp.asarray(mask))[0] == 5
+    assert similarity.to_line(beside, jnp.asarray(corners), y_mask=jnp.asarray(mask), closed=True)[0] == 3
 
 
 @pytest.mark.parametrize("compare", [samples, lines])
 def test_distances_keep_under_motion_and_padding_and_swap_with_the_routes(compare):
-    plain = values(compare(X, Y, ALL_X, ALL_Y))
+    plain = values(compare(X, Y, x_mask=ALL_X, y_mask=ALL_Y))
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.float32([[c, s], [-s, c]])
-    np.testing.assert_allclose(values(compare(X @ turn + 20, Y @ turn + 20, ALL_X, ALL_Y)), plain, rtol=1e-4)
+    np.testing.assert_allclose(
+        values(compare(X @ turn + 20, Y @ turn + 20, x_mask=ALL_X, y_mask=ALL_Y)), plain, rtol=1e-4
+    )
     pad_x, pad_y = np.full((5, 2), np.nan, np.float32), np.zeros((4, 2), np.float32)
-    padded = compare(np.concatenate([X, pad_x]), np.concatenate([Y, pad_y]), np.arange(65) < 60, np.arange(47) < 43)
+    padded = compare(
+        np.concatenate([X, pad_x]), np.concatenate([Y, pad_y]), x_mask=np.arange(65) < 60, y_mask=np.arange(47) < 43
+    )
     np.testing.assert_allclose(values(padded), plain, rtol=1e-6)
-    swapped = compare(Y, X, ALL_Y, ALL_X)
+    swapped = compare(Y, X, x_mask=ALL_Y, y_mask=ALL_X)
     np.testing.assert_allclose(values(swapped)[[4, 5, 6, 7, 0, 1, 2, 3, 8]], plain, rtol=1e-6)
-    assert np.all(values(compare(X, X, ALL_X, ALL_X)) < 1e-4)
+    assert np.all(values(compare(X, X, x_mask=ALL_X, y_mask=ALL_X)) < 1e-4)
 
 
 def test_samples_may_come_in_any_order_and_lines_are_never_farther():
-    found = samples(X, Y, ALL_X, ALL_Y)
-    mixed = samples(np.random.default_rng(0).permutation(X), np.random.default_rng(1).permutation(Y), ALL_X, ALL_Y)
+    found = samples(X, Y, x_mask=ALL_X, y_mask=ALL_Y)
+    mixed = samples(
+        np.random.default_rng(0).permutation(X), np.random.default_rng(1).permutation(Y), x_mask=ALL_X, y_mask=ALL_Y
+    )
     np.testing.assert_allclose(values(mixed), values(found), rtol=1e-6)
-    assert np.all(values(lines(X, Y, ALL_X, ALL_Y)) <= values(found) + 1e-5)
+    assert np.all(values(lines(X, Y, x_mask=ALL_X, y_mask=ALL_Y)) <= values(found) + 1e-5)
 
 
 def test_hausdorff_obeys_the_triangle_inequality():
     z = route(60, 5)
-    xy, yz = samples(X, Y, ALL_X, ALL_Y).hausdorff, samples(Y, z, ALL_Y, ALL_X).hausdorff
-    assert samples(X, z, ALL_X, ALL_X).hausdorff <= xy + yz
+    xy, yz = samples(X, Y, x_mask=ALL_X, y_mask=ALL_Y).hausdorff, samples(Y, z, x_mask=ALL_Y, y_mask=ALL_X).hausdorff
+    assert samples(X, z, x_mask=ALL_X, y_mask=ALL_X).hausdorff <= xy + yz
 
 
 def test_a_batch_equals_its_members():
     other = np.stack([Y, Y + 5])
     together = jax.jit(
-        jax.vmap(lambda y: similarity.between_samples(*map(jnp.asarray, (X, y, ALL_X, ALL_Y)), block=16))
+        jax.vmap(
+            lambda y: similarity.between_samples(
+                jnp.asarray(X), y, x_mask=jnp.asarray(ALL_X), y_mask=jnp.asarray(ALL_Y), block=16
+            )
+        )
     )
     found = together(jnp.asarray(other))
     for i in range(2):
-        np.testing.assert_allclose(found.mean[i], samples(X, other[i], ALL_X, ALL_Y).mean, rtol=1e-6)
+        np.testing.assert_allclose(found.mean[i], samples(X, other[i], x_mask=ALL_X, y_mask=ALL_Y).mean, rtol=1e-6)
 
 
 @pytest.mark.parametrize("compare", [similarity.between_samples, similarity.between_lines])
@@ -120,7 +130,7 @@ def test_gradients_are_differences(compare, x64):
 
     @jax.jit
     def total(x, y):
-        found = compare(x, y, *masks, 0.8)
+        found = compare(x, y, x_mask=masks[0], y_mask=masks[1], level=0.8)
         return found.mean + found.there.rmse + found.back.quantile + found.hausdorff
 
     slopes = jax.jit(jax.grad(total, (0, 1)))(x, y)
@@ -135,12 +145,12 @@ def test_gradients_are_differences(compare, x64):
 
 @pytest.mark.parametrize("compare", [similarity.between_samples, similarity.between_lines])
 def test_degenerate_routes_have_finite_values_and_gradients(compare):
-    same = 3 * jnp.ones((4, 2))
-    slope = jax.jit(jax.grad(lambda x, m: compare(x, same, m, jnp.ones(4, bool)).mean))
+    same, nowhere, none = 3 * jnp.ones((4, 2)), jnp.full((4, 2), jnp.nan), jnp.zeros(4, bool)
+    slope = jax.jit(jax.grad(lambda x, m: compare(x, same, x_mask=m, y_mask=jnp.ones(4, bool)).mean))
     assert np.isfinite(slope(same, jnp.ones(4, bool))).all()
     assert np.isfinite(slope(jnp.full((4, 2), jnp.nan), jnp.zeros(4, bool))).all()
-    found = jax.jit(compare)(jnp.full((4, 2), jnp.nan), same, jnp.zeros(4, bool), jnp.ones(4, bool))
-    again = jax.jit(compare)(same, jnp.full((4, 2), jnp.nan), jnp.ones(4, bool), jnp.zeros(4, bool))
+    found = jax.jit(compare)(nowhere, same, x_mask=none, y_mask=~none)
+    again = jax.jit(compare)(same, nowhere, x_mask=~none, y_mask=none)
     for nothing in (found, again):
         assert not nothing.valid
         assert np.all(values(nothing) == 0)
@@ -149,5 +159,7 @@ def test_degenerate_routes_have_finite_values_and_gradients(compare):
 def test_single_precision_is_enough_far_from_the_origin(x64):
     far = np.array([3000.0, -4000.0])
     x, y = X.astype(float) + far, Y.astype(float) + far
-    exact = values(samples(x, y, ALL_X, ALL_Y))
-    np.testing.assert_allclose(values(samples(np.float32(x), np.float32(y), ALL_X, ALL_Y)), exact, rtol=1e-4)
+    exact = values(samples(x, y, x_mask=ALL_X, y_mask=ALL_Y))
+    np.testing.assert_allclose(
+        values(samples(np.float32(x), np.float32(y), x_mask=ALL_X, y_mask=ALL_Y)), exact, rtol=1e-4
+    )

@@ -28,13 +28,13 @@ def save(path: str | os.PathLike[str], points: PointMap) -> None:
         "covariance": points.covariance.astype(np.float32),
         "count": points.count.astype(np.int32),
     }
-    archive.save(path, header, arrays)
+    archive.save(path, header, arrays=arrays)
 
 
 def load(path: str | os.PathLike[str]) -> PointMap:
     """The map in the npz file. Raises FileError, naming file and key, for anything that is no map."""
     path = Path(path)
-    header, arrays = archive.load(path, FORMAT, VERSION, ("position", "covariance", "count"))
+    header, arrays = archive.load(path, FORMAT, version=VERSION, names=("position", "covariance", "count"))
     n, origin, resolution = (header.get(key) for key in ("points", "origin", "resolution"))
     if not isinstance(n, int) or isinstance(n, bool) or n < 1:
         raise FileError(f"{path}: 'header' has no number of points")
@@ -42,9 +42,9 @@ def load(path: str | os.PathLike[str]) -> PointMap:
         raise FileError(f"{path}: 'header' has no origin of three finite numbers")
     if not isinstance(resolution, int | float) or not 1e-3 <= resolution <= 1e2:
         raise FileError(f"{path}: 'header' has no resolution between 1 mm and 100 m")
-    archive.expect(path, "position", arrays["position"], "f", (n, 3))
-    archive.expect(path, "covariance", arrays["covariance"], "f", (n, 6))
-    archive.expect(path, "count", arrays["count"], "i", (n,))
+    archive.expect(path, "position", array=arrays["position"], kind="f", shape=(n, 3))
+    archive.expect(path, "covariance", array=arrays["covariance"], kind="f", shape=(n, 6))
+    archive.expect(path, "count", array=arrays["count"], kind="i", shape=(n,))
     if np.abs(arrays["position"]).max() > MAX_COORDINATE:
         raise FileError(f"{path}: 'position' is farther than {MAX_COORDINATE:g} m from the origin")
     if arrays["count"].min() < 1:

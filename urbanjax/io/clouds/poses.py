@@ -46,7 +46,7 @@ def write_kitti(path: str | Path, poses: np.ndarray) -> None:
     np.savetxt(path, np.asarray(poses, float)[:, :3].reshape(-1, 12), fmt="%.9g")
 
 
-def write_tum(path: str | Path, time: np.ndarray, poses: np.ndarray) -> None:
+def write_tum(path: str | Path, time: np.ndarray, *, poses: np.ndarray) -> None:
     """Times [T] (s) and poses [T, 4, 4] as a TUM file."""
     poses = np.asarray(poses, float)
     quaternion = Rotation.from_matrix(poses[:, :3, :3]).as_quat()

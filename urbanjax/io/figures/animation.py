@@ -9,7 +9,7 @@ COLOURS = 64
 MARGIN = 6  # px
 
 
-def write_gif(path: Path, frames: Sequence[np.ndarray], rate: float) -> None:
+def write_gif(path: Path, frames: Sequence[np.ndarray], *, rate: float) -> None:
     """Write RGB pictures [H, W, 3] uint8 of equal size as an endless GIF of `rate` pictures per second."""
     from PIL import Image
 

@@ -16,6 +16,7 @@ MARGINAL = "viridis_r"
 def draw_lattice(
     axes: Any,
     position: np.ndarray,
+    *,
     weight: np.ndarray,
     there: np.ndarray | None = None,
     edges: np.ndarray | None = None,
@@ -62,7 +63,7 @@ def macro_nodes(window: Corridor, plan: MacroPlan) -> tuple[np.ndarray, np.ndarr
     return nodes, np.asarray(_world(window, stations, offsets)[0])
 
 
-def draw_macro(axes: Any, window: Corridor, plan: MacroPlan) -> Any:
+def draw_macro(axes: Any, window: Corridor, *, plan: MacroPlan) -> Any:
     """A macro plan's lattice with the weight of each node and the plan itself; returns what a colour bar is made of.
 
     Nodes off the road are left out.
@@ -71,7 +72,7 @@ def draw_macro(axes: Any, window: Corridor, plan: MacroPlan) -> Any:
     lanes = window.has_lane.shape[1]
     row = np.clip(np.searchsorted(np.asarray(window.station), np.asarray(plan.station)), 0, len(window.station) - 1)
     there = np.repeat(np.asarray(window.has_lane)[row], plan.node_offset.shape[1] // lanes, axis=1)
-    return draw_lattice(axes, nodes, np.asarray(plan.marginal), there, path=path, size=22.0)
+    return draw_lattice(axes, nodes, weight=np.asarray(plan.marginal), there=there, path=path, size=22.0)
 
 
 _world = jax.jit(to_world)

@@ -28,10 +28,10 @@ def draw_map(found: RoadMap, path: Path) -> None:
     low, high = ends.min(0), ends.max(0)
     span = np.maximum(high - low, 0.05 * (high - low).max())
     width, height = np.clip(SIZE * span / span.max(), 3.5, SIZE)
-    with figure(path, float(width) + 0.8, float(height) + 0.6) as canvas:
+    with figure(path, float(width) + 0.8, height=float(height) + 0.6) as canvas:
         axes = canvas.add_subplot()
         inches = 3.5 * SIZE / float(span.max())  # a lane's width
-        draw_road(axes, graph, min(1.0, 20 * inches))
+        draw_road(axes, graph, line=min(1.0, 20 * inches))
         _directions(axes, graph)
         _rules(axes, graph, float(np.clip(60 * inches, 1.2, 3.5)))
         _traffic(axes, found)

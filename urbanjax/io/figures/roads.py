@@ -13,7 +13,7 @@ from urbanjax.types import as_arrays
 FILLS = {RoadType.JUNCTION: "#dfe7ef", RoadType.HIGHWAY: "#efe9dc", RoadType.RAMP: "#f3e3d3"}
 
 
-def draw_road(axes: Any, graph: RoadGraph, line: float = 0.6) -> None:
+def draw_road(axes: Any, graph: RoadGraph, *, line: float = 0.6) -> None:
     """Surface and borders of each lane, at one scale for both axes.
 
     Grey lanes are roads, blue ones links inside junctions, ochre ones highways. Args: line, width of borders in points.
@@ -33,7 +33,7 @@ def draw_road(axes: Any, graph: RoadGraph, line: float = 0.6) -> None:
     axes.autoscale_view()
 
 
-def draw_boxes(axes: Any, boxes: np.ndarray, colour: str, filled: bool = True) -> None:
+def draw_boxes(axes: Any, boxes: np.ndarray, *, colour: str, filled: bool = True) -> None:
     """Vehicles from above, filled or as outlines.
 
     Args: boxes [n, 5] of x, y (m) of the centre, heading (rad), length, width (m).

@@ -31,7 +31,7 @@ GOOD, BAD = "#2a7f62", "#c0392b"
 
 
 @contextlib.contextmanager
-def figure(path: Path, width: float, height: float) -> Iterator[Any]:
+def figure(path: Path, width: float, *, height: float) -> Iterator[Any]:
     """A matplotlib figure of width x height inches in the house style, saved to `path` on leaving."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -13,7 +13,7 @@ ASTRAY = 0.5  # rad, of a heading from the way, of which a note is made
 STILL = 1e-6  # m/s, of a stated speed that says nothing
 
 
-def compared(log: VehicleLog, form: LogFormat, column: str) -> VehicleLog:
+def compared(log: VehicleLog, form: LogFormat, *, column: str) -> VehicleLog:
     """The log with the ratio of its stated speed to that of its positions, and notes of what does not agree.
 
     Raises LogError where the ratio is off by more than the format's factor, with the units that would fit.

@@ -67,7 +67,7 @@ class LogAlignment:
 
 
 def align(
-    paths: np.ndarray | Sequence[np.ndarray], line: np.ndarray, closed: bool, params: LogAlignParams = DEFAULT
+    paths: np.ndarray | Sequence[np.ndarray], line: np.ndarray, *, closed: bool, params: LogAlignParams = DEFAULT
 ) -> LogAlignment:
     """The frame in which paths [n, 2] (one, or several in one frame) follow a line [m, 2], both in m.
 
@@ -89,14 +89,24 @@ def align(
     tree = cKDTree(course.points)
     lead = max(curves, key=lambda curve: curve.length)
     begun = _starts(lead, course, limits, params)
-    soon = [(first, *refined(coarse, course, tree, begin, limits, params.keep, SOON)) for first, begin in begun]
+    soon = [
+        (first, *refined(coarse, course, tree=tree, begin=begin, limits=limits, keep=params.keep, iterations=SOON))
+        for first, begin in begun
+    ]
     starts = [
-        (first, *refined(coarse, course, tree, begin, limits, params.keep, params.iterations))
+        (
+            first,
+            *refined(
+                coarse, course, tree=tree, begin=begin, limits=limits, keep=params.keep, iterations=params.iterations
+            ),
+        )
         for first, begin, _ in _different(sorted(soon, key=lambda item: item[2]), coarse, params.apart * course.extent)
     ]
     starts.sort(key=lambda item: item[2])
-    best, rms = refined(fine, course, tree, starts[0][1], limits, params.keep, params.iterations)
-    listed = tuple(AlignStart(f, first, r, apart(f, best, coarse)) for first, f, r in starts)
+    best, rms = refined(
+        fine, course, tree=tree, begin=starts[0][1], limits=limits, keep=params.keep, iterations=params.iterations
+    )
+    listed = tuple(AlignStart(f, first, r, apart(f, best, points=coarse)) for first, f, r in starts)
     return _judged(best, rms, fine, course, tree, listed, params)
 
 
@@ -121,10 +131,10 @@ def _starts(
         parts = course.at(offsets[:, None] + station)  # [offsets, SHAPE, 2]
         for part in (parts, parts[:, ::-1])[: 2 if params.backwards else 1]:
             for mirrored in mirrors(params.reflection):
-                factor, shift, rms = fit(shape[:, None], part[None], mirrored, limits)
+                factor, shift, rms = fit(shape[:, None], part[None], reflected=mirrored, scale=limits)
                 order = np.argsort(rms, axis=None)[: 20 * params.starts]
                 found += [
-                    (float(r), frame(complex(f), complex(s), mirrored))
+                    (float(r), frame(complex(f), complex(s), reflected=mirrored))
                     for r, f, s in zip(*(a.flat[order] for a in (rms, factor, shift)), strict=True)
                 ]
     found.sort(key=lambda item: item[0])
@@ -136,7 +146,7 @@ def _different(found: list[Any], points: np.ndarray, least: float) -> Iterator[A
     """Those of some tuples, each with a frame in second place, whose frame is unlike that of all before it."""
     kept: list[Frame] = []
     for item in found:
-        if all(apart(item[1], other, points) > least for other in kept):
+        if all(apart(item[1], other, points=points) > least for other in kept):
             kept.append(item[1])
             yield item
 
@@ -151,7 +161,7 @@ def _judged(
     params: LogAlignParams,
 ) -> LogAlignment:
     mapped = best.apply(points)
-    distance = feet(mapped, course, tree)[1]
+    distance = feet(mapped, course, tree=tree)[1]
     median, p95 = (float(q) for q in np.quantile(distance, [0.5, 0.95]))
     beside = np.unique(np.asarray(tree.query(mapped)[1]) * 100 // len(course.points))
     differ = max(params.apart * course.extent, 5 * rms)

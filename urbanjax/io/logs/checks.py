@@ -33,7 +33,7 @@ class Samples(NamedTuple):
         return self._replace(values=values, absent=absent, rows=self.rows[which])
 
 
-def cleaned(samples: Samples, form: LogFormat, vehicle: str) -> tuple[dict[str, np.ndarray] | None, LogReport]:
+def cleaned(samples: Samples, form: LogFormat, *, vehicle: str) -> tuple[dict[str, np.ndarray] | None, LogReport]:
     """Columns in SI units by role, and `rows`, in rising time; with them what was left out.
 
     None in place of the columns where fewer than two samples remain and the format leaves such vehicles out. Raises

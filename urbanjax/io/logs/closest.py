@@ -13,6 +13,7 @@ SLIDES = 15  # most steps that let points slide along the line
 def refined(
     points: np.ndarray,
     course: LogLine,
+    *,
     tree: cKDTree,
     begin: Frame,
     limits: tuple[float, float],
@@ -27,11 +28,11 @@ def refined(
     count = max(int(np.ceil(keep * len(points))), 2)
     here = begin
     for _ in range(iterations):
-        foot, distance = feet(here.apply(points), course, tree)
+        foot, distance = feet(here.apply(points), course, tree=tree)
         nearest = np.argpartition(distance, count - 1)[:count]
-        factor, shift, _ = fit(points[nearest], foot[nearest], begin.reflected, limits)
-        before, here = here, frame(complex(factor), complex(shift), begin.reflected)
-        if apart(before, here, points) < SETTLED * course.extent:
+        factor, shift, _ = fit(points[nearest], foot[nearest], reflected=begin.reflected, scale=limits)
+        before, here = here, frame(complex(factor), complex(shift), reflected=begin.reflected)
+        if apart(before, here, points=points) < SETTLED * course.extent:
             break
     rms = _rms(points, course, tree, here, count)
     for _ in range(SLIDES):
@@ -39,14 +40,14 @@ def refined(
         less = _rms(points, course, tree, after, count)
         if less >= rms:
             break
-        settled = apart(after, here, points) < SETTLED * course.extent
+        settled = apart(after, here, points=points) < SETTLED * course.extent
         here, rms = after, less
         if settled:
             break
     return here, rms
 
 
-def feet(points: np.ndarray, course: LogLine, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
+def feet(points: np.ndarray, course: LogLine, *, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
     """Nearest points of the line [n, 2] and distances to them [n], m."""
     near = np.asarray(tree.query(points)[1])
     base, tangent = course.points[near], course.tangent[near]
@@ -56,7 +57,7 @@ def feet(points: np.ndarray, course: LogLine, tree: cKDTree) -> tuple[np.ndarray
 
 
 def _rms(points: np.ndarray, course: LogLine, tree: cKDTree, here: Frame, count: int) -> float:
-    distance = feet(here.apply(points), course, tree)[1]
+    distance = feet(here.apply(points), course, tree=tree)[1]
     return float(np.sqrt(np.mean(np.partition(distance, count - 1)[:count] ** 2)))
 
 
@@ -65,7 +66,7 @@ def _across(
 ) -> Frame:
     """The frame after one step of least squares on the distances across the line."""
     mapped = here.apply(points)
-    foot, distance = feet(mapped, course, tree)
+    foot, distance = feet(mapped, course, tree=tree)
     nearest = np.argpartition(distance, count - 1)[:count]
     tangent = course.tangent[np.asarray(tree.query(mapped[nearest])[1])]
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], -1)

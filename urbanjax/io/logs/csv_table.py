@@ -12,7 +12,7 @@ from urbanjax.io.logs.record import LogError, path_text
 from urbanjax.io.logs.table import LogTable, short, text_of
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
+def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
     """The table of a CSV: a preamble, a header and rows of as many cells."""
     text = text_of(path, data)
     *head, rest = text.split("\n", form.preamble + 1)

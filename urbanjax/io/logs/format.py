@@ -93,7 +93,7 @@ def scale(form: LogFormat, role: str) -> float:
     return UNITS[role][getattr(form.units, role)]
 
 
-def fitting(form: LogFormat, ratio: float, within: float = 1.1) -> list[str]:
+def fitting(form: LogFormat, ratio: float, *, within: float = 1.1) -> list[str]:
     """Settings `units.role=unit` that bring the ratio of stated speed to that of the positions within `within` of 1.
 
     Nearest first.

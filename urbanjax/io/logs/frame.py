@@ -55,7 +55,7 @@ def _plane(values: np.ndarray) -> np.ndarray:
 
 
 def fit(
-    source: np.ndarray, target: np.ndarray, reflected: bool = False, scale: tuple[float, float] = (1.0, 1.0)
+    source: np.ndarray, target: np.ndarray, *, reflected: bool = False, scale: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Factors [...] and shifts [...] (complex: z -> factor z + shift) of least squares, and their rms [...], m.
 
@@ -73,18 +73,18 @@ def fit(
     return np.asarray(factor), np.asarray(middle_b[..., 0] - factor * middle_a[..., 0]), np.asarray(rms)
 
 
-def frame(factor: complex, shift: complex, reflected: bool) -> Frame:
+def frame(factor: complex, shift: complex, *, reflected: bool) -> Frame:
     """The frame of a complex factor and shift."""
     return Frame(float(abs(factor)), reflected, float(np.angle(factor)), (float(np.real(shift)), float(np.imag(shift))))
 
 
-def apart(one: Frame, other: Frame, points: np.ndarray) -> float:
+def apart(one: Frame, other: Frame, *, points: np.ndarray) -> float:
     """Root mean square distance, m, between where two frames put points [n, 2]."""
     return float(np.sqrt(np.mean(np.sum((one.apply(points) - other.apply(points)) ** 2, -1))))
 
 
 def from_pairs(
-    source: np.ndarray, target: np.ndarray, reflection: str = "no", scale: tuple[float, float] = (1.0, 1.0)
+    source: np.ndarray, target: np.ndarray, *, reflection: str = "no", scale: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[Frame, np.ndarray]:
     """The frame of least squares for pairs of points [n, 2], n > 1, and their distances in it [n], m.
 
@@ -97,9 +97,9 @@ def from_pairs(
         raise LogError("pairs of points: not all are finite")
     if min(np.ptp(source, axis=0).max(), np.ptp(target, axis=0).max()) <= 0.0:
         raise LogError("pairs of points: all are one point, which fixes no rotation")
-    found = [(mirrored, fit(source, target, mirrored, scale)) for mirrored in mirrors(reflection)]
+    found = [(mirrored, fit(source, target, reflected=mirrored, scale=scale)) for mirrored in mirrors(reflection)]
     mirrored, (factor, shift, _) = min(found, key=lambda item: float(item[1][2]))
-    best = frame(complex(factor), complex(shift), mirrored)
+    best = frame(complex(factor), complex(shift), reflected=mirrored)
     return best, np.linalg.norm(best.apply(source) - target, axis=-1)
 
 

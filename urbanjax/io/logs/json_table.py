@@ -13,7 +13,7 @@ from urbanjax.io.logs.table import LogTable, short, text_of
 DEEPEST = 16  # groups within each other
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
+def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
     """The table of a JSON file: columns (lists of one length) or a list of records, below the key `records`."""
     text = text_of(path, data)
     try:

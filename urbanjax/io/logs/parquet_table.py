@@ -14,7 +14,7 @@ from urbanjax.io.logs.table import LogTable, short
 MOST_CELLS = 100_000_000  # of the columns that are read
 
 
-def load(path: Path, data: bytes, form: LogFormat) -> LogTable:
+def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
     """The table of a Parquet file with flat columns."""
     import pyarrow
     import pyarrow.parquet

@@ -19,7 +19,7 @@ from urbanjax.io.logs.table import LogTable
 from urbanjax.types import FileError
 
 LARGEST = 256 * 2**20  # bytes of a file
-LOADERS: dict[str, Callable[[Path, bytes, LogFormat], LogTable]] = {
+LOADERS: dict[str, Callable[..., LogTable]] = {  # of path, data and form
     ".csv": csv_table.load,
     ".txt": csv_table.load,
     ".json": json_table.load,
@@ -98,7 +98,7 @@ def load(path: Path, form: LogFormat) -> LogTable:
         raise LogError(str(error)) from error
     if not data.strip():
         raise LogError(f"{path_text(path)}: is empty")
-    return loader(path, data, form)
+    return loader(path, data, form=form)
 
 
 def named(path: Path, form: LogFormat) -> dict[str, str]:
@@ -167,7 +167,7 @@ def _log(table: LogTable, form: LogFormat, part: Part, stated: dict[str, str]) -
     names = {**stated, **part.names}
     vehicle = names.get("vehicle") or names.get("team") or table.path.stem
     samples = Samples(path_text(table.path), table.word, part.columns, values, absent, rows)
-    clean, report = cleaned(samples, form, vehicle)
+    clean, report = cleaned(samples, form, vehicle=vehicle)
     if clean is None:
         return None
     position = np.stack([clean["x"], clean["y"]], -1)
@@ -183,7 +183,7 @@ def _log(table: LogTable, form: LogFormat, part: Part, stated: dict[str, str]) -
         rows=clean["rows"].astype(int),
         report=report,
     )
-    return compared(log, form, part.columns.get("speed", ""))
+    return compared(log, form, column=part.columns.get("speed", ""))
 
 
 def _some(found: Any, which: np.ndarray | None) -> Any:

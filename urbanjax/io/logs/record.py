@@ -71,7 +71,7 @@ class VehicleLog:
         return dataclasses.replace(self, **{k: None if v is None else v[which] for k, v in parts.items()})
 
 
-def from_arrays(vehicle: str, time: np.ndarray, position: np.ndarray, **others: Any) -> VehicleLog:
+def from_arrays(vehicle: str, time: np.ndarray, *, position: np.ndarray, **others: Any) -> VehicleLog:
     """A log of arrays at hand, say of a simulation: time [n] s rising, position [n, 2] m, other fields by name.
 
     Raises LogError for shapes that do not fit, values that are not finite and time that does not rise.

@@ -41,7 +41,7 @@ class Resampled:
         return [self.log.take(self.piece == k) for k in np.unique(self.piece)]
 
 
-def by_time(log: VehicleLog, period: float, longest_gap: float = 1.0, raw_only: bool = False) -> Resampled:
+def by_time(log: VehicleLog, period: float, *, longest_gap: float = 1.0, raw_only: bool = False) -> Resampled:
     """The log at the multiples of `period` (s), so that logs of one clock share their times; linear in between.
 
     Heading takes the short way round the circle. Args: longest_gap, s without a sample that is still crossed;
@@ -62,7 +62,7 @@ def by_time(log: VehicleLog, period: float, longest_gap: float = 1.0, raw_only: 
 
 
 def by_length(
-    log: VehicleLog, spacing: float, longest_gap: float = 1.0, standing: float = 0.2, raw_only: bool = False
+    log: VehicleLog, spacing: float, *, longest_gap: float = 1.0, standing: float = 0.2, raw_only: bool = False
 ) -> Resampled:
     """The log at every `spacing` (m) along its own way, from the beginning of each piece; linear in between.
 

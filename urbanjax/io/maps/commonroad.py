@@ -54,14 +54,14 @@ def read(xml: Xml) -> RoadMap:
     ]
     counts = {tag: len(xml.root.findall(tag)) for tag in ("trafficSign", "trafficLight", "intersection")}
     counts["undrivable lanelets"] = len(foot)
-    found = assemble(xml.path, f"CommonRoad {version}", lanes, other={k: n for k, n in counts.items() if n})
+    found = assemble(xml.path, f"CommonRoad {version}", lanes=lanes, other={k: n for k, n in counts.items() if n})
     cycles = tuple(_cycle(xml, lights[g], dt) for g in found.signal_ids)
     return dataclasses.replace(
         found,
         faults=(*found.faults, *absent),
         cycles=cycles,
-        recording=recording(xml, dt, found),
-        problems=planning_problems(xml, dt, found),
+        recording=recording(xml, dt, found=found),
+        problems=planning_problems(xml, dt, found=found),
     )
 
 

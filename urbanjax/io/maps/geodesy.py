@@ -7,7 +7,7 @@ ECCENTRICITY = 0.00669437999014  # squared
 
 
 def transverse_mercator(
-    latitude: np.ndarray, longitude: np.ndarray, middle: tuple[float, float]
+    latitude: np.ndarray, longitude: np.ndarray, *, middle: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """East and north [m] of `middle` (latitude, longitude) for positions in degrees, true to scale at its meridian.
 

@@ -59,8 +59,10 @@ def read(xml: Xml) -> RoadMap:
     relations = {xml.id(relation): relation for relation in xml.root.findall("relation")}
     lanelets = {key: e for key, e in relations.items() if tags(e).get("type") == "lanelet"}
     drivable = {key: e for key, e in lanelets.items() if _cars(tags(e))}
-    rules = regulations(xml, relations, ways)
-    used = {way for e in drivable.values() for role in ("left", "right") for way in members(xml, e, "way", role)}
+    rules = regulations(xml, relations, ways=ways)
+    used = {
+        way for e in drivable.values() for role in ("left", "right") for way in members(xml, e, kind="way", role=role)
+    }
     used |= {way for rule in rules.values() for way in rule.lines}
     place, geo = _places(xml, {node for way in used for node in _nodes(xml, way, ways)})
     parts = [part for key, e in drivable.items() for part in _lanelet(xml, key, e, ways, place)]
@@ -68,7 +70,7 @@ def read(xml: Xml) -> RoadMap:
     absent = [
         MapFault("dangling link", key, f"its regulatory element {ref} is missing")
         for key, e in drivable.items()
-        for ref in members(xml, e, "relation", "regulatory_element")
+        for ref in members(xml, e, kind="relation", role="regulatory_element")
         if ref not in relations
     ]
     lines = {way: np.array([place[n] for n in _nodes(xml, way, ways)]) for rule in rules.values() for way in rule.lines}
@@ -77,7 +79,7 @@ def read(xml: Xml) -> RoadMap:
     counts = {f"{kind or 'other'} lanelets": subtypes.count(kind) for kind in dict.fromkeys(subtypes)}
     kinds = [rule.kind for rule in rules.values()]
     counts |= {f"regulatory elements ({kind})": kinds.count(kind) for kind in dict.fromkeys(kinds)}
-    found = assemble(xml.path, "Lanelet2", lanes, other=counts, geo=geo)
+    found = assemble(xml.path, "Lanelet2", lanes=lanes, other=counts, geo=geo)
     return dataclasses.replace(found, cycles=(None,) * len(found.signal_ids), faults=(*found.faults, *absent))
 
 
@@ -86,7 +88,7 @@ def tags(element: Element) -> dict[str, str]:
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
-def members(xml: Xml, relation: Element, kind: str, role: str) -> list[int]:
+def members(xml: Xml, relation: Element, *, kind: str, role: str) -> list[int]:
     """Ids of the members with a type and a role."""
     found = [m for m in relation.findall("member") if m.get("type") == kind and m.get("role") == role]
     return [xml.integer(relation, xml.attribute(m, "ref"), "ref", low=-(2**53)) for m in found]
@@ -135,7 +137,7 @@ def _places(xml: Xml, used: set[int]) -> tuple[dict[int, np.ndarray], tuple[floa
     off = np.maximum(np.abs(latitude - middle[0]), np.abs(longitude - middle[1])) > 1.0
     if np.any(off):
         raise xml.fail(list(nodes.values())[int(np.argmax(off))], "lies more than a degree from the middle of the map")
-    x, y = transverse_mercator(latitude, longitude, middle)
+    x, y = transverse_mercator(latitude, longitude, middle=middle)
     return dict(zip(nodes, np.stack([x, y], -1), strict=True)), middle
 
 
@@ -145,7 +147,7 @@ def _lanelet(
     """A lanelet in its driving direction, and in the other one where it has both."""
     borders = []
     for role in ("left", "right"):
-        named = members(xml, element, "way", role)
+        named = members(xml, element, kind="way", role=role)
         if len(named) != 1:
             raise xml.fail(element, f"has {len(named)} {role} borders, expected 1")
         nodes = _nodes(xml, named[0], ways)
@@ -157,7 +159,7 @@ def _lanelet(
     left = _turned(left) if _side(left, right) > 0 else left
     right = _turned(right) if _side(right, left) < 0 else right
     stated = tags(element)
-    regulatory = tuple(members(xml, element, "relation", "regulatory_element"))
+    regulatory = tuple(members(xml, element, kind="relation", role="regulatory_element"))
     ahead = Lanelet(key, left, right, stated, regulatory)
     if stated.get("one_way", "yes") != "no":
         return [ahead]

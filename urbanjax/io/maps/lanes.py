@@ -25,7 +25,7 @@ MOST_LANES = 20_000
 DEFAULT_LIMIT = {RoadType.HIGHWAY: 120 / 3.6, RoadType.RAMP: 80 / 3.6}  # m/s, where a map has none; else 50 km/h
 
 
-def assemble(path: Path, form: str, lanes: Sequence[MapLane], gap: float = GAP, **rest: Any) -> RoadMap:
+def assemble(path: Path, form: str, *, lanes: Sequence[MapLane], gap: float = GAP, **rest: Any) -> RoadMap:
     """The road graph of the lanes, around the middle of the map.
 
     References to lanes that are missing, lie too far away or are the lane itself are left out, and so are lanes

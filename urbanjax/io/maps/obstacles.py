@@ -15,7 +15,7 @@ SPEEDS = 500.0  # m/s
 OBSTACLES = ("obstacle", "dynamicObstacle", "staticObstacle")
 
 
-def recording(xml: Xml, dt: float, found: RoadMap) -> Recording | None:
+def recording(xml: Xml, dt: float, *, found: RoadMap) -> Recording | None:
     """The obstacles of a file, relative to the graph's origin; None where it has none."""
     elements = [e for tag in OBSTACLES for e in xml.root.findall(tag)]
     if not elements:
@@ -111,7 +111,7 @@ def _polygon(xml: Xml, owner: Element, polygon: Element) -> np.ndarray:
     return xml.points(owner, [(p.findtext("x"), p.findtext("y")) for p in polygon.findall("point")], "polygon")
 
 
-def planning_problems(xml: Xml, dt: float, found: RoadMap) -> tuple[PlanningProblem, ...]:
+def planning_problems(xml: Xml, dt: float, *, found: RoadMap) -> tuple[PlanningProblem, ...]:
     """The planning problems of a file, relative to the graph's origin; times in seconds."""
     out = []
     for element in xml.root.findall("planningProblem"):

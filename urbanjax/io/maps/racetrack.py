@@ -75,7 +75,7 @@ def road_map(path: Path, track: Racetrack) -> RoadMap:
         )
         for k in range(count)
     ]
-    return lanes.assemble(path, "racetrack", parts)
+    return lanes.assemble(path, "racetrack", lanes=parts)
 
 
 def parse(path: Path) -> Racetrack:

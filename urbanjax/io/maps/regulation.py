@@ -27,7 +27,7 @@ class Regulation:
         return max(self.sign, Rule.YIELD if lanelet in self.yielding else Rule.NONE)
 
 
-def regulations(xml: Xml, relations: dict[int, Element], ways: dict[int, Element]) -> dict[int, Regulation]:
+def regulations(xml: Xml, relations: dict[int, Element], *, ways: dict[int, Element]) -> dict[int, Regulation]:
     """The regulatory elements of a map by their ids; missing ways and lanelets that they name do not count."""
     out = {}
     for key, element in relations.items():

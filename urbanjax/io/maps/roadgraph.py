@@ -50,7 +50,7 @@ def save(path: str | os.PathLike[str], graph: RoadGraph) -> None:
         "area_names": list(graph.area_names),
         "n_signals": graph.n_signals,
     }
-    archive.save(path, header, arrays)
+    archive.save(path, header, arrays=arrays)
 
 
 def load(path: str | os.PathLike[str]) -> RoadGraph:
@@ -60,11 +60,11 @@ def load(path: str | os.PathLike[str]) -> RoadGraph:
     file's name and the key that is wrong.
     """
     path = Path(path)
-    header, arrays = archive.load(path, FORMAT, VERSION, LAYOUT)
+    header, arrays = archive.load(path, FORMAT, version=VERSION, names=LAYOUT)
     _check_header(path, header)
     for name, (kind, axes) in LAYOUT.items():
         shape = tuple(2 if axis == "2" else header["sizes"][axis] for axis in axes)
-        archive.expect(path, name, arrays[name], kind, shape)
+        archive.expect(path, name, array=arrays[name], kind=kind, shape=shape)
     _check(path, header, arrays)
     cast = {
         "f": lambda x: jnp.asarray(x, jnp.zeros(()).dtype),

@@ -70,7 +70,7 @@ def read(xml: Xml) -> RoadMap:
     counts = {f"junction {kind}": kinds.count(kind) for kind in dict.fromkeys(kinds)}
     counts |= {"lanes": len(lanes), "lanes in junctions": sum(edge.startswith(":") for edge, _ in lanes)}
     counts |= {"lanes without cars": len(lanes) - len(drivable), "edges": len(edges), "tlLogic": len(programs)}
-    found = assemble(xml.path, "SUMO", stated, other=counts)
+    found = assemble(xml.path, "SUMO", lanes=stated, other=counts)
     cycles = tuple(SignalCycle(*shown[signal]) for signal in found.signal_ids)
     return dataclasses.replace(found, cycles=cycles, faults=(*found.faults, *faults))
 

@@ -82,7 +82,7 @@ class Run:
 
 
 @contextlib.contextmanager
-def record(directory: Path, config: Mapping[str, Any], seed: int | None = None) -> Iterator[Run]:
+def record(directory: Path, config: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
     """A `Run` whose manifest is written at the end, also of a failed run, and whose directory is printed last."""
     run = Run(directory, config, seed)
     try:

@@ -61,7 +61,7 @@ def cell(value: Any) -> str:
     return str(value)
 
 
-def write_report(path: Path, title: str, sections: Sequence[Section], manifest: Mapping[str, Any]) -> None:
+def write_report(path: Path, title: str, *, sections: Sequence[Section], manifest: Mapping[str, Any]) -> None:
     """Write the page, whole or not at all; everything that it shows is inside the file."""
     import jinja2
 

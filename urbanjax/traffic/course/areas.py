@@ -56,7 +56,7 @@ def index(areas: Areas, station: Float[Array, " t"]) -> tuple[Int[Array, " t"], 
 
 
 def selection(
-    areas: Areas, laps: Laps, mask: Bool[Array, " t"], length: float | Float[Array, ""]
+    areas: Areas, laps: Laps, *, mask: Bool[Array, " t"], length: float | Float[Array, ""]
 ) -> Bool[Array, "k a t"]:
     """Samples of each lap in each area. Samples in an area over the start belong to the lap that they are in."""
     held = inside(areas, laps.way - length * jnp.floor(laps.way / length)) & mask[None]
@@ -67,6 +67,7 @@ def selection(
 def passages(
     areas: Areas,
     laps: Laps,
+    *,
     time: Float[Array, " t"],
     mask: Bool[Array, " t"],
     length: float | Float[Array, ""],
@@ -79,7 +80,9 @@ def passages(
     begin = length * jnp.arange(laps.time.shape[0], dtype=laps.way.dtype)[:, None]
     end = jnp.where(areas.end > areas.start, areas.end, areas.end + length)
     ends = jnp.stack([begin + areas.start[None], begin + end[None]])
-    passed = crossings(laps.way, time, mask, ends.reshape(-1), params.margin, params.tolerance)
+    passed = crossings(
+        laps.way, time, mask=mask, stations=ends.reshape(-1), margin=params.margin, tolerance=params.tolerance
+    )
     times, seen = passed.time.reshape(ends.shape), passed.valid.reshape(ends.shape)
     both = seen[0] & seen[1]
     return jnp.where(both, times[1] - times[0], 0), both

@@ -36,6 +36,7 @@ class Laps:
 def laps(
     station: Float[Array, " t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, " t"],
     length: float | Float[Array, ""],
     params: LapParams,
@@ -46,10 +47,10 @@ def laps(
     Crossing times are interpolated and differentiable in stations and times. Standing on the line, jitter across it and
     backing over it begin no lap. Args: station [m], in any multiple of the length; time [s]; mask, samples that count.
     """
-    way = progress(station, mask, length, closed)
+    way = progress(station, mask, length=length, closed=closed)
     count = params.capacity + 1 if closed else 2
     lines = length * jnp.arange(count, dtype=way.dtype)
-    passed = crossings(way, time, mask, lines, params.margin, params.tolerance)
+    passed = crossings(way, time, mask=mask, stations=lines, margin=params.margin, tolerance=params.tolerance)
     start, end = passed.time[:-1], passed.time[1:]
     complete = passed.valid[:-1] & passed.valid[1:]
     index = jnp.arange(way.shape[0], dtype=jnp.int32)

@@ -45,6 +45,7 @@ def ring(points: Float[Array, "p 2"], mask: Bool[Array, " p"]) -> tuple[Float[Ar
 def place(
     points: Float[Array, "n 2"],
     mask: Bool[Array, " n"],
+    *,
     line: Float[Array, "p 2"],
     line_mask: Bool[Array, " p"],
     closed: bool = False,
@@ -78,6 +79,7 @@ def place(
 def profile(
     station: Float[Array, " n"],
     offset: Float[Array, " n"],
+    *,
     mask: Bool[Array, " n"],
     length: float | Float[Array, ""],
     bins: int,

@@ -24,7 +24,7 @@ class SectionParams:
     split: bool = static(default=True)  # a left and a right curve that follow each other are two
 
 
-def sections(line: np.ndarray, params: SectionParams, closed: bool = True) -> Areas:
+def sections(line: np.ndarray, params: SectionParams, *, closed: bool = True) -> Areas:
     """Areas `straight_1`, `curve_1`, ... that cover a reference line without gaps, in the order of their starts.
 
     The same line gives the same areas. Args: line [P, 2], m; a closed one without repeating its first point at the end.

@@ -27,6 +27,7 @@ class Conditional:
 def conditional(
     offset: Float[Array, "t n"],
     station_bin: Int[Array, "t n"],
+    *,
     valid: Bool[Array, "t n"],
     bins: int,
     params: DivergenceParams,
@@ -44,7 +45,7 @@ def conditional(
         valid = valid & ~jax.vmap(ties.duplicates)(places, valid)
     else:
         size = jnp.asarray(params.size, offset.dtype)
-        offset = ties.separated(offset[..., None], valid, params.ties, size, key)[0][..., 0]
+        offset = ties.separated(offset[..., None], valid, policy=params.ties, size=size, key=key)[0][..., 0]
     station_bin = jnp.where(valid, station_bin, bins)
     order = lax.stop_gradient(jax.vmap(lambda b, x: jnp.lexsort((x, b)))(station_bin, offset))
     offset, station_bin = (jnp.take_along_axis(x, order, axis=1) for x in (offset, station_bin))
@@ -72,7 +73,7 @@ def _pair(x: Array, x_bin: Array, y: Array, y_bin: Array, bins: int, params: Div
         used = (x_bin < bins) & enough[jnp.minimum(x_bin, bins - 1)]
         r, s = (jnp.where(used, distance, 1) for distance in (r, s))
         tied = jnp.sum(used & ((r == 0) | (s == 0)), dtype=jnp.int32)
-        r, s, used = ties.counted(r, s, used, params.ties, size)
+        r, s, used = ties.counted(r, s, used=used, policy=params.ties, size=size)
         terms = jnp.where(used, jnp.log(s / r), 0)
         counted = jnp.zeros(bins + 1, x.dtype).at[x_bin].add(used.astype(x.dtype))[:bins]
         total = jnp.zeros(bins + 1, x.dtype).at[x_bin].add(terms)[:bins]

@@ -8,7 +8,7 @@ from urbanjax.numerics import masked, safe
 from urbanjax.traffic.divergence.neighbours import distances, neighbours
 
 
-def effective_dimension(points: Float[Array, "t n d"], valid: Bool[Array, "t n"], k: int = 10) -> Float[Array, " t"]:
+def effective_dimension(points: Float[Array, "t n d"], valid: Bool[Array, "t n"], *, k: int = 10) -> Float[Array, " t"]:
     """Maximum-likelihood dimension of each team's samples at the scale of their k nearest neighbours.
 
     Levina and Bickel (2004), averaged as by MacKay and Ghahramani: the inverse of the mean of log(r_k / r_j) over j < k
@@ -16,7 +16,7 @@ def effective_dimension(points: Float[Array, "t n d"], valid: Bool[Array, "t n"]
     """
     pairs = tuple((i, i) for i in range(points.shape[0]))
     ranks = tuple(range(1, k + 1))
-    away, found = distances(points, pairs, neighbours(points, valid, pairs, ranks))
+    away, found = distances(points, pairs, index=neighbours(points, valid, pairs=pairs, ranks=ranks))
     used = jnp.all(found & (away > 0), axis=1)
     logs = jnp.log(jnp.where(used[:, None], away, 1))
     return safe.divide(jnp.ones((), points.dtype), masked.mean(logs[:, -1] - jnp.mean(logs[:, :-1], axis=1), used))

@@ -47,6 +47,7 @@ def all_pairs(teams: int) -> Pairs:
 def divergence(
     points: Float[Array, "t n d"],
     valid: Bool[Array, "t n"],
+    *,
     params: DivergenceParams,
     pairs: Pairs | None = None,
     key: Array | None = None,
@@ -65,14 +66,14 @@ def divergence(
     pairs = all_pairs(points.shape[0]) if pairs is None else pairs
     size = jnp.asarray(params.size, points.dtype)
     count = jnp.sum(valid, axis=-1, dtype=jnp.int32)
-    points, valid = ties.separated(points, valid, params.ties, size, key)
+    points, valid = ties.separated(points, valid, policy=params.ties, size=size, key=key)
     dropped = count - jnp.sum(valid, axis=-1, dtype=jnp.int32)
     r, s, used = _distances(points, valid, pairs, params)
     correction = jnp.zeros_like(r)
     if params.form == "adaptive":
         r, s, correction = _levelled(r, s)
     coincide = [jnp.sum(used & (distance == 0), axis=-1, dtype=jnp.int32) for distance in (r, s)]
-    r, s, used = ties.counted(r, s, used, params.ties, size)
+    r, s, used = ties.counted(r, s, used=used, policy=params.ties, size=size)
     first, second = (jnp.asarray(team) for team in zip(*pairs, strict=True))
     n, m = ((count - dropped)[team][:, None, None].astype(r.dtype) for team in (first, second))
     sizes = jnp.log(jnp.maximum(m, 1)) - jnp.log(jnp.maximum(n - 1, 1))
@@ -94,7 +95,7 @@ def _distances(points: Array, valid: Array, pairs: Pairs, params: DivergencePara
     ranks = tuple(range(1, WIDEST + 1)) if params.form == "adaptive" else params.ks
     teams = sorted({i for i, _ in pairs})
     searched = tuple((i, i) for i in teams) + pairs
-    away, found = distances(points, searched, neighbours(points, valid, searched, ranks))
+    away, found = distances(points, searched, index=neighbours(points, valid, pairs=searched, ranks=ranks))
     own = jnp.asarray([teams.index(i) for i, _ in pairs])
     used = found[own] & found[len(teams) :]
     if params.form == "adaptive":

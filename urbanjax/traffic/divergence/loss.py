@@ -15,6 +15,7 @@ BLOCK = 256  # rows of the kernel matrix that are held at once
 def squared_mmd(
     x: Float[Array, "n d"],
     y: Float[Array, "m d"],
+    *,
     valid_x: Bool[Array, " n"],
     valid_y: Bool[Array, " m"],
     scales: Sequence[float] = (0.5, 2.0, 8.0),

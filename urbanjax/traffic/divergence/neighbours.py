@@ -16,7 +16,7 @@ Pairs = tuple[tuple[int, int], ...]
 
 
 def neighbours(
-    points: Float[Array, "t n d"], valid: Bool[Array, "t n"], pairs: Pairs, ranks: tuple[int, ...]
+    points: Float[Array, "t n d"], valid: Bool[Array, "t n"], *, pairs: Pairs, ranks: tuple[int, ...]
 ) -> Int[Array, "p r n"]:
     """The k-th nearest sample of team j to each sample of team i, itself left out where i = j, for each pair (i, j).
 
@@ -39,7 +39,7 @@ def neighbours(
 
 
 def distances(
-    points: Float[Array, "t n d"], pairs: Pairs, index: Int[Array, "p r n"]
+    points: Float[Array, "t n d"], pairs: Pairs, *, index: Int[Array, "p r n"]
 ) -> tuple[Float[Array, "p r n"], Bool[Array, "p r n"]]:
     """Distance [m] of each sample to the one of that index, 0 where there is none, and where there is one.
 

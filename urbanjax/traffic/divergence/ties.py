@@ -22,7 +22,7 @@ def duplicates(points: Float[Array, "n d"], valid: Bool[Array, " n"]) -> Bool[Ar
 
 
 def separated(
-    points: Float[Array, "t n d"], valid: Bool[Array, "t n"], policy: str, size: Array, key: Array | None
+    points: Float[Array, "t n d"], valid: Bool[Array, "t n"], *, policy: str, size: Array, key: Array | None
 ) -> tuple[Float[Array, "t n d"], Bool[Array, "t n"]]:
     """Samples and mask after the policies that change samples: `dedupe` and `jitter`.
 
@@ -38,7 +38,7 @@ def separated(
 
 
 def counted(
-    own: Float[Array, "*b n"], other: Float[Array, "*b n"], used: Bool[Array, "*b n"], policy: str, size: Array
+    own: Float[Array, "*b n"], other: Float[Array, "*b n"], *, used: Bool[Array, "*b n"], policy: str, size: Array
 ) -> tuple[Array, Array, Bool[Array, "*b n"]]:
     """Distances to own and other neighbours that have a logarithm, and the samples that count.
 

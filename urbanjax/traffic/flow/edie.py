@@ -27,6 +27,7 @@ class Flow:
 def region(
     way: Float[Array, "v t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, "v t"],
     period: Float[Array, "2"],
     reach: Float[Array, "2"],
@@ -71,6 +72,7 @@ def region(
 def diagram(
     way: Float[Array, "v t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, "v t"],
     times: Float[Array, " a"],
     stations: Float[Array, " b"],
@@ -81,7 +83,7 @@ def diagram(
     reaches = jnp.stack([stations[:-1], stations[1:]], axis=-1)
     a, b = periods.shape[0], reaches.shape[0]
     cells = (jnp.repeat(periods, b, axis=0), jnp.tile(reaches, (a, 1)))
-    found = jax.lax.map(lambda cell: region(way, time, mask, cell[0], cell[1], length), cells)
+    found = jax.lax.map(lambda cell: region(way, time, mask=mask, period=cell[0], reach=cell[1], length=length), cells)
     return jax.tree.map(lambda x: x.reshape(a, b), found)
 
 

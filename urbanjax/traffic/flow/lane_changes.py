@@ -21,7 +21,7 @@ class Changes:
 
 
 def lane_changes(
-    lane: Int[Array, " t"], time: Float[Array, " t"], mask: Bool[Array, " t"], hold: float | Float[Array, ""] = 1.0
+    lane: Int[Array, " t"], time: Float[Array, " t"], *, mask: Bool[Array, " t"], hold: float | Float[Array, ""] = 1.0
 ) -> Changes:
     """Changes to a lane that is then held for a time [s], each at the first sample in it.
 
@@ -59,6 +59,7 @@ def lane_changes(
 def lanes_of(
     offset: Float[Array, " t"],
     mask: Bool[Array, " t"],
+    *,
     borders: Float[Array, " b"],
     margin: float | Float[Array, ""] = 0.3,
 ) -> Int[Array, " t"]:

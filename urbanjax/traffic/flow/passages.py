@@ -24,6 +24,7 @@ class Passages:
 def passages(
     way: Float[Array, "v t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, "v t"],
     station: float | Float[Array, ""],
     margin: float | Float[Array, ""] = 2.0,
@@ -36,7 +37,7 @@ def passages(
     at which it has been passed; length [m] of a closed course, whose laps 0 to `laps` - 1 are looked at.
     """
     stations = station + length * jnp.arange(laps, dtype=way.dtype)
-    found = jax.vmap(lambda w, m: crossings(w, time, m, stations, margin))(way, mask)
+    found = jax.vmap(lambda w, m: crossings(w, time, mask=m, stations=stations, margin=margin))(way, mask)
     valid, times = found.valid.reshape(-1), found.time.reshape(-1)
     order = jnp.argsort(jnp.where(valid, times, jnp.inf), stable=True)
     valid, times = valid[order], times[order]
@@ -59,6 +60,7 @@ def throughput(found: Passages, periods: Float[Array, " a"]) -> Float[Array, " c
 def travel_times(
     way: Float[Array, "v t"],
     time: Float[Array, " t"],
+    *,
     mask: Bool[Array, "v t"],
     start: float | Float[Array, ""],
     end: float | Float[Array, ""],
@@ -66,7 +68,7 @@ def travel_times(
 ) -> tuple[Float[Array, " v"], Bool[Array, " v"]]:
     """Seconds [V] from passing one station [m] to passing another, and whether both were seen. Differentiable."""
     stations = jnp.stack([jnp.asarray(start, way.dtype), jnp.asarray(end, way.dtype)])
-    found = jax.vmap(lambda w, m: crossings(w, time, m, stations, margin))(way, mask)
+    found = jax.vmap(lambda w, m: crossings(w, time, mask=m, stations=stations, margin=margin))(way, mask)
     both = found.valid[:, 0] & found.valid[:, 1]
     return jnp.where(both, found.time[:, 1] - found.time[:, 0], 0), both
 

@@ -64,6 +64,7 @@ def gains(speed: Float[Array, "v t"], mask: Bool[Array, "v t"]) -> Gains:
 def bootstrapped(
     key: Array,
     speed: Float[Array, "v t"],
+    *,
     mask: Bool[Array, "v t"],
     block: int,
     draws: int,
@@ -75,7 +76,7 @@ def bootstrapped(
     down the platoon. The greatest deviation has no such interval: a resampled maximum never exceeds the one seen.
     Args: key, of jax.random; block [samples]; draws, number of resampled logs; level, probability within the interval.
     """
-    index = blocks(key, speed.shape[1], block, draws)
+    index = blocks(key, speed.shape[1], block=block, draws=draws)
 
     def drawn(at: Array) -> tuple[Array, Array]:
         found = gains(speed[:, at], mask[:, at])

@@ -27,7 +27,7 @@ class Transfer:
 
 
 def transfer(
-    speed: Float[Array, "v t"], mask: Bool[Array, "v t"], rate: float | Float[Array, ""], length: int
+    speed: Float[Array, "v t"], mask: Bool[Array, "v t"], *, rate: float | Float[Array, ""], length: int
 ) -> Transfer:
     """Transfer from each vehicle's predecessor to it: segments with a Hann window that overlap by half, mean removed.
 
@@ -75,6 +75,7 @@ def transfer(
 def worst(
     found: Transfer,
     low: float | Float[Array, ""],
+    *,
     high: float | Float[Array, ""],
     coherence: float | Float[Array, ""] = 0.5,
 ) -> tuple[Float[Array, " v"], Float[Array, " v"], Bool[Array, " v"]]:

@@ -26,7 +26,7 @@ def footprint(objects: Objects) -> Box:
     return box(objects.position, objects.heading, objects.length, objects.width)
 
 
-def post_encroachment_time(first: Objects, second: Objects, dt: float | Array, window: int) -> Array:
+def post_encroachment_time(first: Objects, second: Objects, *, dt: float | Array, window: int) -> Array:
     """PET [] [s]: least time from when `first` covers a point of the plane until `second` covers that point.
 
     The definition of SSAM (Gettman & Head 2003), point by point: 0 in a collision, infinite if `second` never comes
@@ -36,7 +36,7 @@ def post_encroachment_time(first: Objects, second: Objects, dt: float | Array, w
     return _encroachment(footprint(first), first.valid, footprint(second), second.valid, dt, window)
 
 
-def encroachments(tracks: Objects, dt: float | Array, window: int) -> Array:
+def encroachments(tracks: Objects, dt: float | Array, *, window: int) -> Array:
     """`post_encroachment_time` of every ordered pair, [V, V] [s]: row leaves, column comes; diagonal inf.
 
     In memory there are T V gaps at a time. Args: tracks [T, V].
@@ -68,7 +68,7 @@ def _encroachment(
     return jnp.where(jnp.any(met), jnp.argmax(met) * jnp.asarray(dt, first.x.dtype), jnp.inf)
 
 
-def conflict_area(first: Objects, second: Objects, dt: float | Array) -> ConflictArea:
+def conflict_area(first: Objects, second: Objects, *, dt: float | Array) -> ConflictArea:
     """The times of two vehicles in the area covered by both of their paths (Allen, Shin & Cooper 1978).
 
     The area is all that one vehicle sweeps and the other one sweeps too, at any time of the sample. It suits crossing

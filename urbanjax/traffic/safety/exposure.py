@@ -11,6 +11,7 @@ from urbanjax.numerics.soft import Relaxation
 def time_exposed(
     ttc: Float[Array, "*b t"],
     valid: Bool[Array, "*b t"],
+    *,
     dt: float | Array,
     threshold: float | Array,
     relaxation: Relaxation,
@@ -30,7 +31,7 @@ def time_exposed(
 
 
 def time_integrated(
-    ttc: Float[Array, "*b t"], valid: Bool[Array, "*b t"], dt: float | Array, threshold: float | Array
+    ttc: Float[Array, "*b t"], valid: Bool[Array, "*b t"], *, dt: float | Array, threshold: float | Array
 ) -> Float[Array, "*b"]:
     """TIT [s^2], the integral over time of threshold - ttc while that is positive, each sample standing for dt.
 

@@ -14,7 +14,7 @@ TOUCH = 1e-6  # m, a smaller gap is contact: the measures and their derivatives 
 
 
 def time_to_collision(
-    gap: Float[Array, "*b"], speed: Float[Array, "*b"], front_speed: Float[Array, "*b"]
+    gap: Float[Array, "*b"], speed: Float[Array, "*b"], *, front_speed: Float[Array, "*b"]
 ) -> Float[Array, "*b"]:
     """TTC [s], gap / (v - v_f): infinite unless the gap closes, 0 in contact (Hayward 1972).
 
@@ -33,7 +33,7 @@ def time_gap(gap: Float[Array, "*b"], speed: Float[Array, "*b"]) -> Float[Array,
 
 
 def time_headway(
-    gap: Float[Array, "*b"], speed: Float[Array, "*b"], front_length: Float[Array, "*b"]
+    gap: Float[Array, "*b"], speed: Float[Array, "*b"], *, front_length: Float[Array, "*b"]
 ) -> Float[Array, "*b"]:
     """THW [s], front bumper to front bumper past one point, (gap + l_f) / v.
 
@@ -44,7 +44,7 @@ def time_headway(
 
 
 def required_deceleration(
-    gap: Float[Array, "*b"], speed: Float[Array, "*b"], front_speed: Float[Array, "*b"]
+    gap: Float[Array, "*b"], speed: Float[Array, "*b"], *, front_speed: Float[Array, "*b"]
 ) -> Float[Array, "*b"]:
     """DRAC [m/s^2], (v - v_f)^2 / (2 gap): what just avoids the crash while the leader keeps its speed (Almqvist 1991).
 

@@ -61,9 +61,9 @@ def follow(own: Objects, leader: Objects) -> Following:
     gap, speed, front = view.gap, view.own_speed, view.speed_along
     return Following(
         gap=jnp.where(exists, gap, jnp.inf),
-        ttc=jnp.where(exists, time_to_collision(gap, speed, front), jnp.inf),
+        ttc=jnp.where(exists, time_to_collision(gap, speed, front_speed=front), jnp.inf),
         time_gap=jnp.where(exists, time_gap(gap, speed), jnp.inf),
-        headway=jnp.where(exists, time_headway(gap, speed, front_length), jnp.inf),
-        deceleration=jnp.where(exists, required_deceleration(gap, speed, front), 0),
+        headway=jnp.where(exists, time_headway(gap, speed, front_length=front_length), jnp.inf),
+        deceleration=jnp.where(exists, required_deceleration(gap, speed, front_speed=front), 0),
         exists=exists,
     )

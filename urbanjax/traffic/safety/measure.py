@@ -68,7 +68,7 @@ class Safety:
     summary: Summary
 
 
-def measure(tracks: Objects, dt: float | Array, params: SafetyParams, leaders: Leaders | None = None) -> Safety:
+def measure(tracks: Objects, dt: float | Array, *, params: SafetyParams, leaders: Leaders | None = None) -> Safety:
     """All measures of all ordered pairs of vehicles, and their summary per vehicle.
 
     At a time it holds V x V pairs of one sample, and for the PET T x V; results are [T, V] and [V, V]. Scenarios go
@@ -88,7 +88,9 @@ def measure(tracks: Objects, dt: float | Array, params: SafetyParams, leaders: L
 
     nothing = jnp.full((n, n), jnp.inf, tracks.speed.dtype), jnp.zeros((n, n), jnp.int32)
     (ttc, dangerous), series = jax.lax.scan(sample, nothing, (tracks, leaders))
-    pairs = PairMeasures(ttc, encroachments(tracks, dt, params.pet_window), dangerous * jnp.asarray(dt, ttc.dtype))
+    pairs = PairMeasures(
+        ttc, encroachments(tracks, dt, window=params.pet_window), dangerous * jnp.asarray(dt, ttc.dtype)
+    )
     return Safety(series, pairs, _summary(series, pairs, tracks.valid, dt, params))
 
 
@@ -98,7 +100,7 @@ def _sample(objects: Objects, leaders: Leaders | None, params: SafetyParams) -> 
     own, other = jax.tree.map(lambda x: x[:, None], objects), jax.tree.map(lambda x: x[None], objects)
     itself = jnp.eye(n, dtype=bool)
     ttc = jnp.where(itself, jnp.inf, box_time_to_collision(own, other))
-    margin = jnp.where(itself, jnp.inf, rss(own, other, params.rss).margin)
+    margin = jnp.where(itself, jnp.inf, rss(own, other, params=params.rss).margin)
     leaders = nearest_ahead(objects) if leaders is None else leaders
     leader = jax.tree.map(lambda x: x[leaders.index], objects)
     leader = leader.replace(valid=leader.valid & leaders.exists)
@@ -108,8 +110,9 @@ def _sample(objects: Objects, leaders: Leaders | None, params: SafetyParams) -> 
 
 def _summary(series: Series, pairs: PairMeasures, valid: Array, dt: float | Array, params: SafetyParams) -> Summary:
     def exposure(ttc: Array) -> tuple[Array, Array]:
-        given = ttc.T, valid.T, dt, params.ttc_threshold
-        return time_exposed(*given, Relaxation()), time_integrated(*given)
+        limit = params.ttc_threshold
+        exposed = time_exposed(ttc.T, valid.T, dt=dt, threshold=limit, relaxation=Relaxation())
+        return exposed, time_integrated(ttc.T, valid.T, dt=dt, threshold=limit)
 
     tet, tit = exposure(series.following.ttc)
     box_tet, box_tit = exposure(series.box_ttc)

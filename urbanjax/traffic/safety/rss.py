@@ -40,7 +40,7 @@ class RSS:
 
 
 def same_direction_distance(
-    rear_speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], params: RSSParams
+    rear_speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], *, params: RSSParams
 ) -> Float[Array, "*b"]:
     """Least safe gap to a vehicle ahead [m], that drives the same way (lemma 2).
 
@@ -53,7 +53,7 @@ def same_direction_distance(
 
 
 def opposite_direction_distance(
-    speed: Float[Array, "*b"], oncoming_speed: Float[Array, "*b"], params: RSSParams
+    speed: Float[Array, "*b"], oncoming_speed: Float[Array, "*b"], *, params: RSSParams
 ) -> Float[Array, "*b"]:
     """Least safe gap between vehicles that drive towards each other [m] (lemma 3).
 
@@ -65,7 +65,7 @@ def opposite_direction_distance(
 
 
 def lateral_distance(
-    speed: Float[Array, "*b"], other_speed: Float[Array, "*b"], params: RSSParams
+    speed: Float[Array, "*b"], other_speed: Float[Array, "*b"], *, params: RSSParams
 ) -> Float[Array, "*b"]:
     """Least safe gap across the road [m] (lemma 4).
 
@@ -83,7 +83,7 @@ def _advance(speed: Array, acceleration: float | Array, braking: float | Array, 
     return (speed + after) / 2 * params.response_time + after * jnp.abs(after) / (2 * braking)
 
 
-def rss(own: Objects, other: Objects, params: RSSParams) -> RSS:
+def rss(own: Objects, other: Objects, *, params: RSSParams) -> RSS:
     """Margins between two vehicles, with one's own heading as the direction of the road.
 
     Whoever is behind along it answers for the longitudinal distance; of two that drive towards each other one's own
@@ -95,12 +95,12 @@ def rss(own: Objects, other: Objects, params: RSSParams) -> RSS:
     ahead = view.ahead >= 0
     rear = jnp.where(ahead, view.own_speed, view.speed_along)
     front = jnp.where(ahead, view.speed_along, view.own_speed)
-    same = same_direction_distance(jnp.maximum(rear, 0), jnp.maximum(front, 0), params)
+    same = same_direction_distance(jnp.maximum(rear, 0), jnp.maximum(front, 0), params=params)
     mine, theirs = jnp.where(ahead, rear, -front), jnp.where(ahead, -front, rear)  # speeds towards each other
-    opposite = opposite_direction_distance(jnp.maximum(mine, 0), jnp.maximum(theirs, 0), params)
+    opposite = opposite_direction_distance(jnp.maximum(mine, 0), jnp.maximum(theirs, 0), params=params)
     towards = -jnp.where(view.left >= 0, 1, -1) * view.speed_across
     longitudinal = view.gap - jnp.where(front < -ONCOMING, opposite, same)
-    lateral = view.side_gap - lateral_distance(jnp.zeros_like(towards), towards, params)
+    lateral = view.side_gap - lateral_distance(jnp.zeros_like(towards), towards, params=params)
     longitudinal, lateral = (jnp.where(view.valid, m, jnp.inf) for m in (longitudinal, lateral))
     margin = jnp.maximum(longitudinal, lateral)
     return RSS(longitudinal, lateral, margin, margin < 0)

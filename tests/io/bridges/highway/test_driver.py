@@ -65,16 +65,16 @@ def test_the_road_ahead_ends_in_any_lane_and_laps_where_it_closes(environments):
         env.reset(seed=0)
         graph, keys = read_network(env.road.network, buckets=True)
         start = keys.index(("a", "b", 1, 0))
-        destination = ahead(graph, start, 900.0)
+        destination = ahead(graph, start, reach=900.0)
         assert len(destination.goals) == goals
         assert destination.laps == laps
-        course = course_to(graph, start, destination, params)
+        course = course_to(graph, start, destination=destination, params=params)
         assert int(course.corridor.lane_link[0, course.corridor.route_lane]) == start
         change = np.asarray(course.corridor.change)[:, course.corridor.route_lane]
         assert change.all() == (name != "racetrack-v1")
         assert shared_ground(graph).sum() == (2 if name == "two-way-v0" else 0)
     with pytest.raises(RouteError, match="none of the goals"):
-        course_to(graph, start, Destination([0], np.full((1, 32), np.inf), 1), params)
+        course_to(graph, start, destination=Destination([0], np.full((1, 32), np.inf), 1), params=params)
 
 
 def test_networks_of_one_bucket_share_their_shapes(environments):
@@ -102,13 +102,13 @@ def compilations():
 
 def test_it_drives_on_the_road_and_compiles_once_for_all_of_them(environments, driver, compilations):
     for name, env in environments.items():
-        episode = drive(env, (name, "stack"), driver, seed=0, duration=1.0)
+        episode = drive(env, (name, "stack"), driver=driver, seed=0, duration=1.0)
         assert len(driver.step_seconds) == 15
         assert not episode.collision
         assert episode.on_road.all()
         assert episode.distance > 0.8 * episode.speed.min()
         assert np.abs(np.diff(episode.speed)).max() < 6.0 / 15 + 1e-6
         before = len(compilations)
-        drive(env, (name, "stack"), driver, seed=1, duration=0.5)
+        drive(env, (name, "stack"), driver=driver, seed=1, duration=0.5)
         assert len(compilations) == before  # another seed, another graph: nothing new
     assert compilations

@@ -97,7 +97,7 @@ class Straight:
 
 def test_a_drive_without_traffic_covers_what_physics_says():
     env = open_environment("highway-v0", vehicles_count=0)
-    episode = drive(env, ("highway-v0", "straight"), Straight(-1.0), seed=0, duration=4.0)
+    episode = drive(env, ("highway-v0", "straight"), driver=Straight(-1.0), seed=0, duration=4.0)
     assert episode.time[-1] == pytest.approx(4.0)
     assert episode.speed[[0, -1]] == pytest.approx([25.0, 21.0])
     assert episode.distance == pytest.approx(25.0 * 4 - 8.0, abs=0.2)
@@ -108,7 +108,7 @@ def test_a_drive_without_traffic_covers_what_physics_says():
 
 def test_a_crash_ends_the_drive_and_costs_the_rest_of_its_distance():
     env = open_environment("two-way-v0")
-    episode = drive(env, ("two-way-v0", "straight"), Straight(3.0), seed=0, duration=20.0)
+    episode = drive(env, ("two-way-v0", "straight"), driver=Straight(3.0), seed=0, duration=20.0)
     assert episode.collision
     assert episode.time[-1] < 20.0
     assert episode.nominal == 20.0
@@ -121,7 +121,7 @@ def test_the_end_of_the_road_ends_the_drive_and_its_nominal_time():
     env.reset(seed=0)
     env.road.vehicles[1:] = []
     env.reset = lambda seed: None
-    episode = drive(env, ("two-way-v0", "straight"), Straight(0.0), seed=0, duration=60.0)
+    episode = drive(env, ("two-way-v0", "straight"), driver=Straight(0.0), seed=0, duration=60.0)
     assert episode.nominal == pytest.approx(episode.time[-1])
     assert episode.position[-1, 0] == pytest.approx(800.0, abs=5.0)
     assert episode.mean_speed == pytest.approx(30.0, rel=1e-3)
@@ -129,7 +129,7 @@ def test_the_end_of_the_road_ends_the_drive_and_its_nominal_time():
 
 def test_the_idm_ego_drives_and_pictures_show_it():
     env = open_environment("merge-v1")
-    episode = drive(env, ("merge-v1", "idm"), Idm(), seed=0, duration=2.0, frame_every=15)
+    episode = drive(env, ("merge-v1", "idm"), driver=Idm(), seed=0, duration=2.0, frame_every=15)
     assert isinstance(episode, Episode)
     assert len(episode.frames) == 2
     assert episode.frames[0].ndim == 3

@@ -65,7 +65,7 @@ class StackDriver:
         self.command = (0.0, 0.0)
         self.step_seconds = []
         link = self._link(env)
-        self.destination = ahead(self.graph, link, self.params.reach)
+        self.destination = ahead(self.graph, link, reach=self.params.reach)
         self._follow(env, link)
         jax.block_until_ready(_step(self.stack, self.course, self.state, self.observe(env)))
 
@@ -106,7 +106,7 @@ class StackDriver:
 
     def _follow(self, env: Any, link: int) -> None:
         """Take the route that begins on `link`."""
-        self.course = course_to(self.graph, link, self.destination, self.params.corridor)
+        self.course = course_to(self.graph, link, destination=self.destination, params=self.params.corridor)
         corridor = self.course.corridor
         self.state = _init(self.stack, self.course, self.observe(env).pose)
         if self.destination.laps > 1:  # every lap passes here: begin with the first

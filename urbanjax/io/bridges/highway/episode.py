@@ -73,6 +73,7 @@ class Idm:
 def drive(
     env: Any,
     name: tuple[str, str],
+    *,
     driver: Driver,
     seed: int,
     duration: float,

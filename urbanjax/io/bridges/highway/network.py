@@ -36,6 +36,7 @@ class _Part:
 def read_network(
     network: Any,
     respect_lines: bool = True,
+    *,
     max_link: float = np.inf,
     n_points: int | None = None,
     buckets: bool = False,

@@ -30,7 +30,7 @@ class Destination:
         return self.goals[choice], float(self.costs[choice, link])
 
 
-def ahead(graph: RoadGraph, start: int, reach: float) -> Destination:
+def ahead(graph: RoadGraph, start: int, *, reach: float) -> Destination:
     """The end of the road after `reach` metres along the successors of `start`, in any of its lanes.
 
     A road that leads back to its start is driven in as many laps as `reach` takes.
@@ -52,7 +52,7 @@ def ahead(graph: RoadGraph, start: int, reach: float) -> Destination:
     return Destination(goals, costs, max(int(np.ceil(reach / way)), 1) if closed else 1)
 
 
-def course_to(graph: RoadGraph, start: int, destination: Destination, params: CorridorParams) -> Course:
+def course_to(graph: RoadGraph, start: int, *, destination: Destination, params: CorridorParams) -> Course:
     """The course from link `start` to the nearest goal. Raises RouteError where none can be reached."""
     goal, cost = destination.best(start)
     if not np.isfinite(cost):
