@@ -13,7 +13,8 @@ def blocks(key: Array, n: int, *, block: int, draws: int) -> Int[Array, "{draws}
 
     Wrapped so, every sample is as likely as any other (Politis & Romano 1992). Blocks that stop at the ends take the
     first and last samples less often: on a log that begins at standstill, that moves the draws to one side.
-    Args: key, of jax.random; block, samples that stay together. Raises TrafficError if the series has no such block.
+    Args: key, of jax.random; n, samples of the series; block, samples that stay together; draws, number of series.
+    Raises TrafficError if the series has no such block.
     """
     if not 1 <= block <= n:
         raise TrafficError(f"bootstrap: blocks of {block} samples of a series of {n}; give from 1 to {n}")

@@ -24,6 +24,7 @@ def progress(
 
     Steps between samples that count are taken the short way round, so none may be longer than half a lap. A sample that
     does not count stands where the last one before it did. Starts at the first station in [0, length).
+    Args: station [T] m; mask [T], samples that count; length [m] of the line; closed, whether it ends where it begins.
     """
     held = jnp.where(jnp.any(mask), jnp.where(mask, station, 0)[masked.latest(mask)], 0)
     if not closed:
@@ -48,7 +49,7 @@ def crossings(
     Jitter around a station, standing on it and backing over it count once. At the end of the series it is enough to be
     at the station to within the tolerance, and a series that starts within the tolerance beyond it has passed it
     with its first sample. Differentiable in the way and the time (at the sample chosen).
-    Args: way [m]; time [s], not decreasing; mask, samples that count; stations [m]; margin and tolerance [m].
+    Args: way [T] m; time [T] s, not decreasing; mask [T], samples that count; stations [K] m; margin, tolerance [m].
     """
     held = masked.latest(mask)
     some, n = jnp.any(mask), way.shape[0]

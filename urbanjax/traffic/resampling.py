@@ -48,7 +48,10 @@ class LapSwap:
 
 
 def consecutive(valid: Bool[Array, "t n"], blocks: int) -> Int[Array, "t n"]:
-    """The block of each valid sample: as many consecutive ones in each."""
+    """The block of each valid sample: as many consecutive ones in each.
+
+    Args: valid [T, N], samples that count; blocks, their number.
+    """
     rank = jnp.cumsum(valid, axis=-1, dtype=jnp.int32) - 1
     count = jnp.maximum(rank[:, -1:] + 1, 1)
     # In floats, for a product of rank and blocks may be too large for an integer.
@@ -69,9 +72,9 @@ def interval(
     Each draw keeps half of the blocks of each team. Nothing is drawn twice: copies would be neighbours at distance 0.
     Half of the samples vary with twice the variance, and around the whole with once that, so the spread of the draws is
     that of the estimate; its bias is not part of it.
-
-    Args: block of each sample, in [0, params.blocks); paired, whether all teams keep the same blocks (blocks of
-    stations rather than of time).
+    Args: statistic, of a mask [T, N]; valid [T, N], samples that count; block [T, N] of each sample, in [0,
+    params.blocks); key, of jax.random; paired, whether all teams keep the same blocks (blocks of stations rather than
+    of time).
     """
     value, good = statistic(valid)
     drawn, fine = lax.map(statistic, half_samples(valid, block, key=key, params=params, paired=paired))
@@ -81,7 +84,10 @@ def interval(
 def half_samples(
     valid: Bool[Array, "t n"], block: Int[Array, "t n"], *, key: Array, params: ResamplingParams, paired: bool = False
 ) -> Bool[Array, "s t n"]:
-    """The masks of the draws of `interval`, for statistics that are found one by one."""
+    """The masks of the draws of `interval`, for statistics that are found one by one.
+
+    Args: valid, block [T, N], key and paired, as of `interval`.
+    """
     teams = 1 if paired else valid.shape[0]
 
     def draw(key: Array) -> Array:
@@ -100,7 +106,10 @@ def spread(
     fine: Bool[Array, "s *q"],
     params: ResamplingParams,
 ) -> Interval:
-    """The interval around a value, from those of its half samples; good and fine, which values are valid."""
+    """The interval around a value, from those of its half samples; good and fine, which values are valid.
+
+    Args: value, good [*q], of the whole; drawn, fine [S, *q], of its half samples.
+    """
     half = params.blocks // 2
     around = (drawn - jnp.mean(drawn, axis=0, keepdims=True)) * (half / (params.blocks - half)) ** 0.5
     tail = (1 - jnp.asarray(params.level, value.dtype)) / 2
@@ -114,8 +123,9 @@ def lap_swap(
     """The statistic of two teams whose laps are dealt out in every way given, the first being how they were driven.
 
     Under the hypothesis that both drive alike all deals are equally likely, and biases of the estimate (regular
-    spacing along a curve, dependence within a lap) are the same in all. Args: lap of each sample of the pooled laps;
-    deals, which of the l laps the first team gets, the second gets the rest. The statistic gets masks [2, n].
+    spacing along a curve, dependence within a lap) are the same in all.
+    Args: statistic, which gets masks [2, N]; lap [N] of each sample of the pooled laps; valid [N], samples that count;
+    deals [S, L], which of the L laps the first team gets, the second gets the rest.
     """
 
     def deal(first: Array) -> tuple[Array, Array]:

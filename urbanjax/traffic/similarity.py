@@ -56,7 +56,9 @@ def between_samples(
 
         mean = (1 / n) sum_i min_j |x_i - y_j|
 
-    Differentiable in both where the nearest sample is unique. Args: positions [m]; level of the quantile, in [0, 1].
+    Differentiable in both where the nearest sample is unique.
+    Args: x [N, D], y [M, D] m; x_mask [N], y_mask [M], samples that count; level of the quantile, in [0, 1]; block,
+    samples of x at once.
     """
     x, y = _held(x, x_mask), _held(y, y_mask)
     to_y, to_x = nearest(x, y, x_mask=x_mask, y_mask=y_mask, block=block)
@@ -77,7 +79,8 @@ def between_lines(
     """The samples of each route against the line through the samples of the other, exactly.
 
     Differentiable in both where the nearest point of the line is unique. The line is broken where samples are missing.
-    Args: positions [m], in the order driven; level of the quantile; closed, whether the lines end where they begin.
+    Args: x [N, 2], y [M, 2] m, in the order driven; x_mask [N], y_mask [M], samples that count; level of the quantile,
+    in [0, 1]; closed, whether the lines end where they begin; block, samples at once.
     """
     x, y = _held(x, x_mask), _held(y, y_mask)
     there, back = (
@@ -95,7 +98,11 @@ def to_line(
     closed: bool = False,
     block: int = BLOCK,
 ) -> Float[Array, " n"]:
-    """Distance [m] of each point to the line through the samples of a route."""
+    """Distance [m] of each point to the line through the samples of a route.
+
+    Args: x [N, 2] m; y [M, 2] m, in the order driven; y_mask [M], samples that count; closed, whether the line ends
+    where it begins; block, points at once.
+    """
     y = _held(y, y_mask)
     line, mask = ring(y, y_mask) if closed else (y, y_mask)
     unused = jnp.zeros_like(line[:, 0])  # station, heading and curvature, which the distance does not need
@@ -116,8 +123,9 @@ def nearest(
 ) -> tuple[Int[Array, " n"], Int[Array, " m"]]:
     """For each sample the index of the nearest one in the other set; 0 if there is none.
 
-    Of several whose squared distances are equal, or for large sets within 1e-5, any. Not differentiable. Args: block,
-    samples of x at once where all pairs are compared; memory is that many times m.
+    Of several whose squared distances are equal, or for large sets within 1e-5, any. Not differentiable.
+    Args: x [N, D], y [M, D] m; x_mask [N], y_mask [M], samples that count; block, samples of x at once where all pairs
+    are compared; memory is that many times M.
     """
     x, y = jax.lax.stop_gradient((x, y))
     if x.shape[0] * y.shape[0] <= PAIRS:
@@ -176,7 +184,10 @@ def _similarity(there: Array, back: Array, x_mask: Array, y_mask: Array, level: 
 def summarised(
     distance: Float[Array, "*b n"], mask: Bool[Array, "*b n"], *, level: float | Float[Array, ""] = 0.95
 ) -> Distances:
-    """Eq. 33 and its relatives [*b] from the distance [m] of each sample to the other route, however it was found."""
+    """Eq. 33 and its relatives [*b] from the distance [m] of each sample to the other route, however it was found.
+
+    Args: distance [..., N] m; mask [..., N], samples that count; level of the quantile, in [0, 1].
+    """
     return Distances(
         mean=masked.mean(distance, mask),
         rmse=masked.rms(distance, mask),

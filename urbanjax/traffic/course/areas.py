@@ -25,7 +25,8 @@ class Areas:
 def areas(named: Iterable[tuple[str, float, float]], length: float) -> Areas:
     """Areas from (name, start, end) with stations [m] from 0 to the length of the course.
 
-    Raises TrafficError for a name that is empty or given twice, or a station that is not on the course.
+    Args: named, the rows (name, start, end); length [m]. Raises TrafficError for a name that is empty or given twice,
+    or a station that is not on the course.
     """
     rows = list(named)
     for name, start, end in rows:
@@ -44,13 +45,19 @@ def areas(named: Iterable[tuple[str, float, float]], length: float) -> Areas:
 
 
 def inside(areas: Areas, station: Float[Array, " t"]) -> Bool[Array, "a t"]:
-    """Which samples, by their station on the course [m], are in each area."""
+    """Which samples, by their station on the course [m], are in each area.
+
+    Args: areas, the A areas of a course; station [T] m.
+    """
     start, end, s = areas.start[:, None], areas.end[:, None], station[None]
     return jnp.where(start < end, (s >= start) & (s < end), (s >= start) | (s < end))
 
 
 def index(areas: Areas, station: Float[Array, " t"]) -> tuple[Int[Array, " t"], Bool[Array, " t"]]:
-    """Index of the first area that each sample is in, and whether it is in any (if not, the index is 0)."""
+    """Index of the first area that each sample is in, and whether it is in any (if not, the index is 0).
+
+    Args: areas, the A areas of a course; station [T] m.
+    """
     held = inside(areas, station)
     return jnp.argmax(held, axis=0).astype(jnp.int32), jnp.any(held, axis=0)
 
@@ -58,7 +65,11 @@ def index(areas: Areas, station: Float[Array, " t"]) -> tuple[Int[Array, " t"], 
 def selection(
     areas: Areas, laps: Laps, *, mask: Bool[Array, " t"], length: float | Float[Array, ""]
 ) -> Bool[Array, "k a t"]:
-    """Samples of each lap in each area. Samples in an area over the start belong to the lap that they are in."""
+    """Samples of each lap in each area. Samples in an area over the start belong to the lap that they are in.
+
+    Args: areas, the A areas of a course; laps, the K laps of the samples; mask [T], samples that count; length [m] of
+    the course.
+    """
     held = inside(areas, laps.way - length * jnp.floor(laps.way / length)) & mask[None]
     lap = jnp.arange(laps.time.shape[0], dtype=jnp.int32)[:, None] == laps.lap[None]
     return held[None] & lap[:, None]
@@ -76,6 +87,8 @@ def passages(
     """Seconds from entering to leaving each area in each lap that it is entered in, and whether both were seen.
 
     Interpolated between samples and differentiable, as lap times are.
+    Args: areas, the A areas of a course; laps, the K laps of the samples; time [T] s; mask [T], samples that count;
+    length [m] of the course.
     """
     begin = length * jnp.arange(laps.time.shape[0], dtype=laps.way.dtype)[:, None]
     end = jnp.where(areas.end > areas.start, areas.end, areas.end + length)

@@ -45,7 +45,9 @@ def laps(
     """Laps of a series of stations; on an open line, the one way from its start to its end.
 
     Crossing times are interpolated and differentiable in stations and times. Standing on the line, jitter across it and
-    backing over it begin no lap. Args: station [m], in any multiple of the length; time [s]; mask, samples that count.
+    backing over it begin no lap.
+    Args: station [T] m, in any multiple of the length; time [T] s; mask [T], samples that count; length [m] of the
+    line; closed, whether the line ends where it begins.
     """
     way = progress(station, mask, length=length, closed=closed)
     count = params.capacity + 1 if closed else 2

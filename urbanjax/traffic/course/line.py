@@ -33,7 +33,10 @@ class Profile:
 
 
 def ring(points: Float[Array, "p 2"], mask: Bool[Array, " p"]) -> tuple[Float[Array, "q 2"], Bool[Array, " q"]]:
-    """A closed line, as a polyline [P + 2] that goes on from its last point that counts to its first."""
+    """A closed line, as a polyline [P + 2] that goes on from its last point that counts to its first.
+
+    Args: points [P, 2] m; mask [P], points that count.
+    """
     last = points.shape[0] - 1 - jnp.argmax(mask[::-1])
     some = jnp.any(mask)
     return (
@@ -55,6 +58,8 @@ def place(
 
     Differentiable where that point is unique and no vertex of the line; where a line passes itself, the nearer pass
     counts. Samples that do not count are at 0. The line is padded after its points and does not repeat its first.
+    Args: points [N, 2] m; mask [N], samples that count; line [P, 2] m, and line_mask [P], its points that count;
+    closed, whether the line goes on from its last point to its first; block, samples looked up at once.
     """
     line = jnp.where(line_mask[:, None], line, 0)
     whole, counts = ring(line, line_mask) if closed else (line, line_mask)
@@ -87,6 +92,7 @@ def profile(
     """Mean and standard deviation of the lateral offset by station, in equal bins of [0, length).
 
     Differentiable in the offset. Bins without a sample have count 0 and offset 0.
+    Args: station, offset [N] m; mask [N], samples that count; length [m] of the line; bins, their number.
     """
     width = length / bins
     index = jnp.clip(jnp.floor(jnp.where(mask, station, 0) / width), 0, bins - 1).astype(jnp.int32)
@@ -104,7 +110,10 @@ def profile(
 
 
 def apart(one: Profile, two: Profile) -> tuple[Float[Array, ""], Float[Array, ""], Bool[Array, ""]]:
-    """Mean absolute and root mean square difference [m] of two profiles over the bins both have, and whether any is."""
+    """Mean absolute and root mean square difference [m] of two profiles over the bins both have, and whether any is.
+
+    Args: one, two, profiles with the same bins.
+    """
     both = (one.count > 0) & (two.count > 0)
     difference = one.mean - two.mean
     return masked.mean(jnp.abs(difference), both), masked.rms(difference, both), jnp.any(both)

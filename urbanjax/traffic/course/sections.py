@@ -27,7 +27,8 @@ class SectionParams:
 def sections(line: np.ndarray, params: SectionParams, *, closed: bool = True) -> Areas:
     """Areas `straight_1`, `curve_1`, ... that cover a reference line without gaps, in the order of their starts.
 
-    The same line gives the same areas. Args: line [P, 2], m; a closed one without repeating its first point at the end.
+    The same line gives the same areas.
+    Args: line [P, 2] m (host); closed, whether it goes on from its last point to its first, which is not repeated.
     Raises TrafficError for a line that is not finite, has no length, or is shorter than two sections.
     """
     points = np.asarray(line, float)

@@ -36,8 +36,9 @@ def conditional(
 ) -> Conditional:
     """D(P_i(d | z) || P_j(d | z)) for each ordered pair: one-dimensional estimates per bin, weighted by n_bin / n.
 
-    The corrected form throughout. Differentiable in the offsets with the neighbours held. Args: offset [m]; station_bin
-    in [0, bins); pairs (None: all).
+    The corrected form throughout. Differentiable in the offsets with the neighbours held.
+    Args: offset [T, N] m; station_bin [T, N] in [0, bins); valid [T, N], samples that count; bins, their number; pairs
+    of teams (i, j) (None: all); key, of jax.random, for the policy `jitter`.
     """
     pairs = all_pairs(offset.shape[0]) if pairs is None else pairs
     if params.ties == "dedupe":

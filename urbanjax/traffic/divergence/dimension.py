@@ -13,6 +13,7 @@ def effective_dimension(points: Float[Array, "t n d"], valid: Bool[Array, "t n"]
 
     Levina and Bickel (2004), averaged as by MacKay and Ghahramani: the inverse of the mean of log(r_k / r_j) over j < k
     and all samples; those with fewer than k neighbours, or at distance 0 from one, are left out. 0 where none is left.
+    Args: points [T, N, D] m; valid [T, N], samples that count; k, number of neighbours.
     """
     pairs = tuple((i, i) for i in range(points.shape[0]))
     ranks = tuple(range(1, k + 1))

@@ -40,7 +40,10 @@ class Estimate:
 
 
 def all_pairs(teams: int) -> Pairs:
-    """Every ordered pair of different teams, row by row."""
+    """Every ordered pair of different teams, row by row.
+
+    Args: teams, their number.
+    """
     return tuple((i, j) for i in range(teams) for j in range(teams) if i != j)
 
 
@@ -60,8 +63,8 @@ def divergence(
     of Eq. 32. `adaptive`: k by sample, so that both distances are about the same: as little
     bias as k = 1 where densities differ, with less spread. docs/divergence.md states the errors of all. Differentiable
     in the points with the neighbours held.
-
-    Args: points [m], near the origin; key, for the policy `jitter`. Raises ValueError where the key is missing.
+    Args: points [T, N, D] m, near the origin; valid [T, N], samples that count; pairs of teams (i, j); key, of
+    jax.random, for the policy `jitter`. Raises ValueError where the key is missing.
     """
     pairs = all_pairs(points.shape[0]) if pairs is None else pairs
     size = jnp.asarray(params.size, points.dtype)

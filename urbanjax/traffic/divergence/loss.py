@@ -23,7 +23,9 @@ def squared_mmd(
     """Squared maximum mean discrepancy of two sample sets (Gretton et al. 2012, unbiased), mean over Gaussian kernels.
 
     0 on average where both come from one distribution, and then also negative; smooth in all points. Time n * m, memory
-    linear. Args: x, y [m]; scales, standard deviations of the kernels [m].
+    linear.
+    Args: x [N, D], y [M, D] m; valid_x [N], valid_y [M], samples that count; scales, standard deviations of the kernels
+    [m].
     """
     within = _total(x, x, valid_x, valid_x, scales), _total(y, y, valid_y, valid_y, scales)
     n, m = (jnp.sum(valid, dtype=x.dtype) for valid in (valid_x, valid_y))

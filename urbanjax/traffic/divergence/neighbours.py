@@ -22,7 +22,9 @@ def neighbours(
 
     Exact (two samples whose squared distances differ by less than 1e-5 of them may change places), in time and memory
     linear in n for points of bounded density. An index is n where there are fewer than k, and for invalid samples. Not
-    differentiable. Args: points [m], close enough to the origin for their precision; ranks, the values of k.
+    differentiable.
+    Args: points [T, N, D] m, close enough to the origin for their precision; valid [T, N], samples that count; pairs of
+    teams (i, j); ranks, the values of k.
     """
     points = lax.stop_gradient(points)
     depth, most = trees.depth(points.shape[1]), max(ranks)
@@ -44,6 +46,7 @@ def distances(
     """Distance [m] of each sample to the one of that index, 0 where there is none, and where there is one.
 
     Differentiable in both points with the neighbours held; derivative 0 where they coincide.
+    Args: points [T, N, D] m; pairs of teams (i, j); index [P, R, N], as of `neighbours`.
     """
     first, second = (jnp.asarray(team, jnp.int32) for team in zip(*pairs, strict=True))
     found = index < points.shape[1]

@@ -9,7 +9,10 @@ POLICIES = ("error", "dedupe", "jitter", "floor")
 
 
 def duplicates(points: Float[Array, "n d"], valid: Bool[Array, " n"]) -> Bool[Array, " n"]:
-    """Samples that repeat a valid one which comes earlier in order of coordinates; one of each is kept."""
+    """Samples that repeat a valid one which comes earlier in order of coordinates; one of each is kept.
+
+    Args: points [N, D], in any units; valid [N], samples that count.
+    """
     last = ~valid  # sorted behind the valid ones
     axes = tuple(points[:, i] for i in range(points.shape[1]))
     index = jnp.arange(points.shape[0], dtype=jnp.int32)
@@ -26,7 +29,8 @@ def separated(
 ) -> tuple[Float[Array, "t n d"], Bool[Array, "t n"]]:
     """Samples and mask after the policies that change samples: `dedupe` and `jitter`.
 
-    Args: size [m], half width of the uniform noise; key, for the noise (needed by `jitter`).
+    Args: points [T, N, D] m; valid [T, N], samples that count; policy, one of POLICIES; size [m], half width of the
+    uniform noise; key, of jax.random, for the noise (needed by `jitter`).
     """
     if policy == "dedupe":
         return points, valid & ~jax.vmap(duplicates)(points, valid)
@@ -43,6 +47,8 @@ def counted(
     """Distances to own and other neighbours that have a logarithm, and the samples that count.
 
     `floor` raises distances to `size` [m]; the others leave out samples with a distance of 0 (`error` reports them).
+    Args: own, other [..., N] m, distances to the neighbours; used [..., N], samples that count so far; policy, one of
+    POLICIES; size [m].
     """
     if policy == "floor":
         return jnp.maximum(own, size), jnp.maximum(other, size), used

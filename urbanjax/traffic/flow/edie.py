@@ -40,8 +40,9 @@ def region(
     with d_i and t_i what vehicle i drove and spent inside, |A| metres times seconds. Between two samples that count a
     vehicle moves evenly; each piece is cut at the sides of the rectangle. A vehicle that stands on a side is inside at
     the lower one only. Driving back counts against the distance. Differentiable where no sample lies on a side.
-    Args: way [m]; time [s]; period, reach: from and to [s, m]; length [m] of a closed course, on which the way may
-    hold any number of laps (the region then lies within 0 and the length; no piece is longer than a lap).
+    Args: way [V, T] m; time [T] s; mask [V, T], samples that count; period [2] s, reach [2] m: from and to; length [m]
+    of a closed course, on which the way may hold any number of laps (the region then lies within 0 and the length; no
+    piece is longer than a lap).
     """
     t0, t1 = time[None, :-1], time[None, 1:]
     x0, x1 = way[:, :-1], way[:, 1:]
@@ -78,7 +79,11 @@ def diagram(
     stations: Float[Array, " b"],
     length: float | Float[Array, ""] | None = None,
 ) -> Flow:
-    """Fundamental diagram: `region` for each cell [A - 1, B - 1] between given times [s] and stations [m]."""
+    """Fundamental diagram: `region` for each cell [A - 1, B - 1] between given times [s] and stations [m].
+
+    Args: way [V, T] m; time [T] s; mask [V, T], samples that count; times [A] s and stations [B] m, sides of the cells;
+    length [m] of a closed course, as of `region`.
+    """
     periods = jnp.stack([times[:-1], times[1:]], axis=-1)
     reaches = jnp.stack([stations[:-1], stations[1:]], axis=-1)
     a, b = periods.shape[0], reaches.shape[0]

@@ -26,7 +26,8 @@ def lane_changes(
     """Changes to a lane that is then held for a time [s], each at the first sample in it.
 
     Samples that do not count neither confirm nor end anything. The lane of the first sample that counts is taken as it
-    is. Not differentiable. Args: lane, any numbering; time [s]; mask, samples that count; hold [s].
+    is. Not differentiable.
+    Args: lane [T], in any numbering; time [T] s; mask [T], samples that count; hold [s].
     """
     first = lane[jnp.argmax(mask)]
     n = lane.shape[0]
@@ -67,7 +68,7 @@ def lanes_of(
 
     Lane 0 is beyond the first border and lane B beyond the last. A lane is left only when its border is behind by the
     margin; a sample that does not count keeps the lane before it. Not differentiable.
-    Args: offset, borders (increasing) and margin [m].
+    Args: offset [T] m; mask [T], samples that count; borders [B] m, increasing; margin [m].
     """
     low = jnp.concatenate([jnp.full(1, -jnp.inf, borders.dtype), borders]) - margin
     high = jnp.concatenate([borders, jnp.full(1, jnp.inf, borders.dtype)]) + margin

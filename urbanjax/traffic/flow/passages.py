@@ -33,8 +33,9 @@ def passages(
 ) -> Passages:
     """Passages of a station, interpolated in time, each vehicle once (a lap).
 
-    Differentiable in the ways. Args: way [m], unwrapped on a closed course; time [s]; station [m]; margin [m] beyond it
-    at which it has been passed; length [m] of a closed course, whose laps 0 to `laps` - 1 are looked at.
+    Differentiable in the ways.
+    Args: way [V, T] m, unwrapped on a closed course; time [T] s; mask [V, T], samples that count; station [m]; margin
+    [m] beyond it at which it has been passed; length [m] of a closed course, whose laps 0 to `laps` - 1 are looked at.
     """
     stations = station + length * jnp.arange(laps, dtype=way.dtype)
     found = jax.vmap(lambda w, m: crossings(w, time, mask=m, stations=stations, margin=margin))(way, mask)
@@ -52,7 +53,10 @@ def passages(
 
 
 def throughput(found: Passages, periods: Float[Array, " a"]) -> Float[Array, " c"]:
-    """Passages per second in each of the A - 1 intervals between given times [s]. Not differentiable."""
+    """Passages per second in each of the A - 1 intervals between given times [s]. Not differentiable.
+
+    Args: found, the passages of a station; periods [A] s, the given times.
+    """
     within = (found.time[None] >= periods[:-1, None]) & (found.time[None] < periods[1:, None]) & found.valid[None]
     return safe.divide(jnp.sum(within, axis=1, dtype=periods.dtype), periods[1:] - periods[:-1])
 
@@ -66,7 +70,11 @@ def travel_times(
     end: float | Float[Array, ""],
     margin: float | Float[Array, ""] = 2.0,
 ) -> tuple[Float[Array, " v"], Bool[Array, " v"]]:
-    """Seconds [V] from passing one station [m] to passing another, and whether both were seen. Differentiable."""
+    """Seconds [V] from passing one station [m] to passing another, and whether both were seen. Differentiable.
+
+    Args: way [V, T] m; time [T] s; mask [V, T], samples that count; start, end, the stations [m]; margin [m] beyond
+    each at which it has been passed.
+    """
     stations = jnp.stack([jnp.asarray(start, way.dtype), jnp.asarray(end, way.dtype)])
     found = jax.vmap(lambda w, m: crossings(w, time, mask=m, stations=stations, margin=margin))(way, mask)
     both = found.valid[:, 0] & found.valid[:, 1]
@@ -79,6 +87,7 @@ def gini(values: Float[Array, "*b n"], mask: Bool[Array, "*b n"]) -> Float[Array
         G = sum_i (2 i - n - 1) x_(i) / (n sum_i x_i)
 
     0 without a value or where all are 0. Differentiable where no two values are equal.
+    Args: values [..., N]; mask [..., N], values that count.
     """
     n = jnp.sum(mask, axis=-1, keepdims=True, dtype=values.dtype)
     ordered = jnp.sort(jnp.where(mask, values, jnp.inf), axis=-1)

@@ -29,7 +29,10 @@ class Gains:
 
 
 def ahead(present: Bool[Array, " v"]) -> tuple[Int[Array, " v"], Bool[Array, " v"]]:
-    """Row of the next vehicle ahead that is present (0 if none), and whether the vehicle and that one are there."""
+    """Row of the next vehicle ahead that is present (0 if none), and whether the vehicle and that one are there.
+
+    Args: present [V], in the order they drive in, the first one in front.
+    """
     before = jnp.concatenate([jnp.zeros_like(present[:1]), present[:-1]])
     row = jnp.maximum(masked.latest(before) - 1, 0)
     some = jnp.cumsum(before) > 0
@@ -41,6 +44,7 @@ def gains(speed: Float[Array, "v t"], mask: Bool[Array, "v t"]) -> Gains:
 
     Each pair is compared over the samples that both have, and each deviation is from the mean over those. Ratios are 0
     where the vehicle ahead never deviates or there is none. Differentiable in the speeds away from standstill.
+    Args: speed [V, T] m/s; mask [V, T], samples that count.
     """
     row, pair = ahead(jnp.any(mask, axis=1))
     both = mask & mask[row] & pair[:, None]
@@ -74,7 +78,8 @@ def bootstrapped(
 
     All vehicles share the blocks, so what they share stays shared; the block has to outlast the way of a disturbance
     down the platoon. The greatest deviation has no such interval: a resampled maximum never exceeds the one seen.
-    Args: key, of jax.random; block [samples]; draws, number of resampled logs; level, probability within the interval.
+    Args: key, of jax.random; speed [V, T] m/s; mask [V, T], samples that count; block [samples]; draws, number of
+    resampled logs; level, probability within the interval.
     """
     index = blocks(key, speed.shape[1], block=block, draws=draws)
 

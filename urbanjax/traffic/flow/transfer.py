@@ -35,7 +35,7 @@ def transfer(
 
     As scipy.signal.welch and csd, where all samples count. Noise of the vehicle behind averages out of S_xy; noise of
     the one ahead lowers the gain. Differentiable.
-    Args: speed [m/s]; mask, samples that count; rate, samples per second; length, samples of a segment.
+    Args: speed [V, T] m/s; mask [V, T], samples that count; rate, samples per second; length, samples of a segment.
     Raises TrafficError if the series has no such segment.
     """
     if not 2 <= length <= speed.shape[1]:
@@ -82,7 +82,8 @@ def worst(
     """Greatest gain of each vehicle in a band, its frequency [Hz], and whether any frequency qualifies.
 
     None does for a vehicle with one segment only, whose coherence says nothing.
-    Args: low, high, the band [Hz]; coherence, least one at which a gain is taken to be of the vehicle ahead.
+    Args: found, the spectra; low, high, the band [Hz]; coherence, least one at which a gain is taken to be of the
+    vehicle ahead.
     """
     band = (found.frequency >= low) & (found.frequency <= high)
     counts = (found.coherence >= coherence) & band[None] & (found.segments > 1)[:, None]

@@ -14,7 +14,7 @@ def box_time_to_collision(own: Objects, other: Objects) -> Array:
     overlaps during one interval of time. 0 while they overlap or touch, infinite if they never will or one is absent.
     Symmetric. Differentiable, but for a jump between a near miss and a graze, and kinks where two faces meet at once
     or the boxes are parallel or square; where it is 0 or infinite the derivative is 0.
-    Args: objects of broadcastable shapes [*s] of one rank.
+    Args: own, other, objects of broadcastable shapes [*s] of one rank.
     """
     start, end, valid = jnp.zeros(()), jnp.asarray(jnp.inf), jnp.asarray(True)
     for view in (relative(own, other), relative(other, own)):

@@ -22,7 +22,10 @@ class ConflictArea:
 
 
 def footprint(objects: Objects) -> Box:
-    """The boxes of objects of any shape."""
+    """The boxes of objects of any shape.
+
+    Args: objects [*s].
+    """
     return box(objects.position, objects.heading, objects.length, objects.width)
 
 
@@ -31,7 +34,8 @@ def post_encroachment_time(first: Objects, second: Objects, *, dt: float | Array
 
     The definition of SSAM (Gettman & Head 2003), point by point: 0 in a collision, infinite if `second` never comes
     where `first` was, or later than window * dt. For a follower in the same lane it is about the time gap. The order
-    counts: for either order take the smaller of two. Args: trajectories [T]; dt [s]; window, samples looked ahead.
+    counts: for either order take the smaller of two.
+    Args: first, second, trajectories [T]; dt [s] between samples; window, samples looked ahead.
     """
     return _encroachment(footprint(first), first.valid, footprint(second), second.valid, dt, window)
 
@@ -39,7 +43,8 @@ def post_encroachment_time(first: Objects, second: Objects, *, dt: float | Array
 def encroachments(tracks: Objects, dt: float | Array, *, window: int) -> Array:
     """`post_encroachment_time` of every ordered pair, [V, V] [s]: row leaves, column comes; diagonal inf.
 
-    In memory there are T V gaps at a time. Args: tracks [T, V].
+    In memory there are T V gaps at a time.
+    Args: tracks [T, V]; dt [s] between samples; window, samples looked ahead.
     """
     boxes, valid = footprint(tracks), tracks.valid
 
@@ -73,7 +78,7 @@ def conflict_area(first: Objects, second: Objects, *, dt: float | Array) -> Conf
 
     The area is all that one vehicle sweeps and the other one sweeps too, at any time of the sample. It suits crossing
     paths; of two that follow one lane the area is the whole lane, and of one that comes back it is one area still.
-    Args: trajectories [T]; dt [s]. In memory there are T gaps at a time.
+    Args: first, second, trajectories [T]; dt [s] between samples. In memory there are T gaps at a time.
     """
     a, b = footprint(first), footprint(second)
 

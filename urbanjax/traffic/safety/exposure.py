@@ -18,8 +18,9 @@ def time_exposed(
 ) -> Float[Array, "*b"]:
     """TET [s], the time during which ttc <= threshold, each sample standing for dt.
 
-    Piecewise constant, with a soft twin on the scale of the threshold. Args: ttc [s], inf for no collision; valid,
-    samples that count; dt and threshold [s].
+    Piecewise constant, with a soft twin on the scale of the threshold.
+    Args: ttc [..., T] s, inf for no collision; valid [..., T], samples that count; dt, threshold [s]; relaxation of the
+    threshold.
     """
     # An infinite time is as good as one far beyond the threshold, and has finite derivatives.
     margin = threshold - jnp.minimum(ttc, 1e3 * threshold)
@@ -35,7 +36,8 @@ def time_integrated(
 ) -> Float[Array, "*b"]:
     """TIT [s^2], the integral over time of threshold - ttc while that is positive, each sample standing for dt.
 
-    Differentiable, but for a kink at the threshold. Args: as `time_exposed`.
+    Differentiable, but for a kink at the threshold.
+    Args: ttc [..., T] s, inf for no collision; valid [..., T], samples that count; dt, threshold [s].
     """
     below = valid & (ttc < threshold)
     return dt * jnp.sum(jnp.where(below, threshold - ttc, 0), axis=-1)

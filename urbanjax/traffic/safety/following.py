@@ -18,7 +18,7 @@ def time_to_collision(
 ) -> Float[Array, "*b"]:
     """TTC [s], gap / (v - v_f): infinite unless the gap closes, 0 in contact (Hayward 1972).
 
-    Args: gap, bumper to bumper [m]; speed and front_speed [m/s], both along the follower's way (oncoming: negative).
+    Args: gap [*b] m, bumper to bumper; speed, front_speed [*b] m/s, both along the follower's way (oncoming: negative).
     """
     closing = speed - front_speed
     return jnp.where(gap > TOUCH, _over(gap, closing), 0)
@@ -27,7 +27,8 @@ def time_to_collision(
 def time_gap(gap: Float[Array, "*b"], speed: Float[Array, "*b"]) -> Float[Array, "*b"]:
     """Time from the leader's rear bumper to the follower's front one past one point [s], gap / v.
 
-    Infinite for a follower that stands or reverses, 0 in contact. Args: gap [m], the follower's speed [m/s].
+    Infinite for a follower that stands or reverses, 0 in contact.
+    Args: gap [*b] m, bumper to bumper; speed [*b] m/s, the follower's.
     """
     return jnp.where(gap > TOUCH, _over(gap, speed), 0)
 
@@ -37,8 +38,8 @@ def time_headway(
 ) -> Float[Array, "*b"]:
     """THW [s], front bumper to front bumper past one point, (gap + l_f) / v.
 
-    Infinite for a follower that stands or reverses; never negative. Args: gap [m], the follower's speed [m/s], the
-    leader's length [m].
+    Infinite for a follower that stands or reverses; never negative.
+    Args: gap [*b] m, bumper to bumper; speed [*b] m/s, the follower's; front_length [*b] m, the leader's length.
     """
     return _over(jnp.maximum(gap + front_length, 0), speed)
 
@@ -48,7 +49,8 @@ def required_deceleration(
 ) -> Float[Array, "*b"]:
     """DRAC [m/s^2], (v - v_f)^2 / (2 gap): what just avoids the crash while the leader keeps its speed (Almqvist 1991).
 
-    0 unless the gap closes, infinite in contact. Args: as `time_to_collision`.
+    0 unless the gap closes, infinite in contact.
+    Args: gap [*b] m, bumper to bumper; speed, front_speed [*b] m/s, both along the follower's way.
     """
     closing = jnp.maximum(speed - front_speed, 0)
     apart = gap > TOUCH

@@ -53,7 +53,7 @@ def follow(own: Objects, leader: Objects) -> Following:
     """The measures of `following` for boxes, along the follower's heading.
 
     It asks only that the leader's centre be ahead; whether it is in the way is the caller's choice (`nearest_ahead`).
-    Args: objects of broadcastable shapes [*s] of one rank.
+    Args: own, leader, objects of broadcastable shapes [*s] of one rank.
     """
     view = relative(own, leader)
     exists = view.valid & (view.ahead > 0)

@@ -73,8 +73,8 @@ def measure(tracks: Objects, dt: float | Array, *, params: SafetyParams, leaders
 
     At a time it holds V x V pairs of one sample, and for the PET T x V; results are [T, V] and [V, V]. Scenarios go
     through vmap. Differentiable as its parts are; TET (here hard), PET, rss_time and rss_share are piecewise constant.
-    Args: tracks [T, V], box centres, absent ones with any values; dt, between samples [s]; leaders, index and exists
-    [V] or [T, V] (default: `nearest_ahead` at each sample). Raises ScenarioError for fields of wrong shape.
+    Args: tracks [T, V], box centres, absent ones with any values; dt [s] between samples; leaders, index and exists [V]
+    or [T, V] (None: `nearest_ahead` at each sample). Raises ScenarioError for fields of wrong shape.
     """
     _check(tracks, leaders)
     tracks = present(tracks)

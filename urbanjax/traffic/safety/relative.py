@@ -34,7 +34,10 @@ class Relative:
 
 
 def present(objects: Objects) -> Objects:
-    """The same objects with zeros for those that are absent, whose entries may be anything, NaN too."""
+    """The same objects with zeros for those that are absent, whose entries may be anything, NaN too.
+
+    Args: objects [*s].
+    """
 
     def clear(x: Array) -> Array:
         valid = objects.valid.reshape(objects.valid.shape + (1,) * (x.ndim - objects.valid.ndim))
@@ -44,9 +47,10 @@ def present(objects: Objects) -> Objects:
 
 
 def relative(own: Objects, other: Objects) -> Relative:
-    """`other` in the frame of `own`, element by element. Args: objects of broadcastable shapes of one rank, any rank.
+    """`other` in the frame of `own`, element by element.
 
     Objects move along their heading. Differentiable, but for the reaches where the headings are parallel or square.
+    Args: own, other, objects of broadcastable shapes [*s] of one rank.
     """
     own, other = present(own), present(other)
     away = other.position - own.position

@@ -46,7 +46,7 @@ def same_direction_distance(
 
     max(0, v_r rho + a rho^2 / 2 + (v_r + a rho)^2 / (2 b_min) - v_f^2 / (2 b_max)): the rear one accelerates during its
     response and then brakes mildly, while the front one brakes hard at once.
-    Args: speeds [m/s], not negative.
+    Args: rear_speed, front_speed [*b] m/s, not negative.
     """
     reply = _advance(rear_speed, params.max_acceleration, params.min_braking, params)
     return jnp.maximum(reply - front_speed**2 / (2 * params.max_braking), 0)
@@ -58,7 +58,8 @@ def opposite_direction_distance(
     """Least safe gap between vehicles that drive towards each other [m] (lemma 3).
 
     Both accelerate during their response and then brake mildly.
-    Args: speed of the one on its own side, and of the one on the wrong side, towards each other [m/s], not negative.
+    Args: speed of the one on its own side, oncoming_speed of the one on the wrong side [*b] m/s, towards each other,
+    not negative.
     """
     own = _advance(speed, params.max_acceleration, params.min_braking_correct, params)
     return own + _advance(oncoming_speed, params.max_acceleration, params.min_braking, params)
@@ -71,7 +72,7 @@ def lateral_distance(
 
     Both accelerate towards each other during their response and then brake until they have no lateral speed. Of one
     that still moves away after its response the way of braking counts as away, a case that the lemma leaves out.
-    Args: lateral speed of each towards the other [m/s]; negative: away from it.
+    Args: speed, other_speed [*b] m/s, lateral, of each towards the other; negative: away from it.
     """
     a, b = params.max_lateral_acceleration, params.min_lateral_braking
     return params.lateral_margin + jnp.maximum(_advance(speed, a, b, params) + _advance(other_speed, a, b, params), 0)
@@ -89,7 +90,8 @@ def rss(own: Objects, other: Objects, *, params: RSSParams) -> RSS:
     Whoever is behind along it answers for the longitudinal distance; of two that drive towards each other one's own
     vehicle is held to be on its own side. A vehicle that reverses counts as standing for the same-direction rule, and
     an approach below 0.1 m/s as none. Not differentiable where the two are level, at that switch, or where a least
-    distance is 0. Args: objects of broadcastable shapes [*s] of one rank.
+    distance is 0.
+    Args: own, other, objects of broadcastable shapes [*s] of one rank.
     """
     view = relative(own, other)
     ahead = view.ahead >= 0
