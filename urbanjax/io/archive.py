@@ -18,9 +18,10 @@ MAX_HEADER = 1 << 22  # bytes of JSON
 
 
 def save(path: str | os.PathLike[str], header: Mapping[str, Any], *, arrays: Mapping[str, np.ndarray]) -> None:
-    """Writes header and arrays, whole or not at all. Raises FileError where the file cannot be written.
+    """Writes header and arrays, whole or not at all.
 
-    Args: header, plain values, with `format` and `version`.
+    Args: path of the file; header, plain values, with `format` and `version`; arrays by name. Raises FileError where
+    the file cannot be written.
     """
     path = Path(path)
     text = np.frombuffer(json.dumps(dict(header)).encode(), np.uint8)
@@ -37,9 +38,10 @@ def save(path: str | os.PathLike[str], header: Mapping[str, Any], *, arrays: Map
 def load(
     path: str | os.PathLike[str], format: str, *, version: int, names: Iterable[str]
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Header and the named arrays. Args: format, version: what the header has to say.
+    """Header and the named arrays; sizes are checked before memory is taken.
 
-    Sizes are checked before memory is taken; raises FileError with the file's name and the key that is wrong.
+    Args: path of the file; format, version: what the header has to say; names of the arrays that have to be there.
+    Raises FileError with the file's name and the key that is wrong.
     """
     path, names = Path(path), tuple(names)
     try:
@@ -53,7 +55,10 @@ def load(
 
 
 def expect(path: str | os.PathLike[str], name: str, *, array: np.ndarray, kind: str, shape: tuple[int, ...]) -> None:
-    """Raises FileError if the array is not of the kind (f, i, b) and shape, or holds numbers that are not finite."""
+    """Raises FileError if the array is not of the kind (f, i, b) and shape, or holds numbers that are not finite.
+
+    Args: path and name, which messages show; array, as read; kind, one of f, i, b; shape, its axes.
+    """
     if array.dtype.kind != kind or array.shape != shape:
         raise FileError(f"{path}: {name!r} is {array.dtype} {array.shape}, expected kind {kind!r} and shape {shape}")
     if kind == "f" and not np.all(np.isfinite(array)):
@@ -61,7 +66,10 @@ def expect(path: str | os.PathLike[str], name: str, *, array: np.ndarray, kind: 
 
 
 def is_finite(x: Any) -> bool:
-    """Whether a value of the header is a finite number."""
+    """Whether a value of the header is a finite number.
+
+    Args: x, a value as JSON gives it.
+    """
     return isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x)
 
 

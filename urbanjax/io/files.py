@@ -9,7 +9,10 @@ LARGEST = 512 * 2**20  # bytes
 
 
 def content(path: Path) -> bytes:
-    """The bytes of a file. Raises FileError if it is missing, unreadable or has more than LARGEST bytes."""
+    """The bytes of a file.
+
+    Args: path of the file. Raises FileError if it is missing, unreadable or has more than LARGEST bytes.
+    """
     try:
         size = path.stat().st_size
         if size > LARGEST:

@@ -12,7 +12,10 @@ SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 
 
 def read_pcd(path: Path) -> np.ndarray:
-    """x, y, z [N, 3] of a PCD file, without the points that it marks as missing by NaN. Raises FileError."""
+    """x, y, z [N, 3] of a PCD file, without the points that it marks as missing by NaN.
+
+    Args: path of the file. Raises FileError.
+    """
     header, body = _header(path, content(path))
     row = _row(path, header)
     missing = {"x", "y", "z"} - set(row.names or ())

@@ -18,10 +18,10 @@ PLY_TYPES = {
 
 
 def read(path: str | Path, array: str = "xyz") -> np.ndarray:
-    """The points [N, 3] (m, float64) of a file, by its suffix: one of READERS. Args: array, its name in an npz file.
+    """The points [N, 3] (m, float64) of a file, by its suffix: one of READERS.
 
-    Raises FileError, naming the file, if it is missing, empty, truncated, enormous or not what its suffix says, and if
-    a coordinate is not finite.
+    Args: path of the file; array, its name in an npz file. Raises FileError, naming the file, if it is missing, empty,
+    truncated, enormous or not what its suffix says, and if a coordinate is not finite.
     """
     path = Path(path)
     if path.suffix.lower() not in READERS:
@@ -36,7 +36,10 @@ def read(path: str | Path, array: str = "xyz") -> np.ndarray:
 
 
 def read_kitti(path: Path) -> np.ndarray:
-    """x, y, z of a KITTI scan: float32 x, y, z, reflectance."""
+    """x, y, z of a KITTI scan: float32 x, y, z, reflectance.
+
+    Args: path of the file.
+    """
     data = content(path)
     if len(data) % 16:
         raise FileError(f"{path}: {len(data)} bytes are no whole number of float32 (x, y, z, reflectance); truncated?")
@@ -44,7 +47,10 @@ def read_kitti(path: Path) -> np.ndarray:
 
 
 def read_npz(path: Path, array: str = "xyz") -> np.ndarray:
-    """A named array, or the only one, of an npz file; leading axes are joined and empty returns (0, 0, 0) dropped."""
+    """A named array, or the only one, of an npz file; leading axes are joined and empty returns (0, 0, 0) dropped.
+
+    Args: path of the file; array, its name.
+    """
     try:
         with np.load(io.BytesIO(content(path)), allow_pickle=False) as archive:
             names = archive.files
@@ -65,7 +71,10 @@ def read_npz(path: Path, array: str = "xyz") -> np.ndarray:
 
 
 def read_ply(path: Path) -> np.ndarray:
-    """x, y, z of the vertices of a PLY file, ascii or binary."""
+    """x, y, z of the vertices of a PLY file, ascii or binary.
+
+    Args: path of the file.
+    """
     data = content(path)
     end = data.find(b"end_header")
     if not data.startswith(b"ply") or end < 0:

@@ -15,7 +15,10 @@ ROUNDING = 1e-5
 
 
 def save(path: str | os.PathLike[str], points: PointMap) -> None:
-    """Writes the map as npz, whole or not at all. Raises FileError where the file cannot be written."""
+    """Writes the map as npz, whole or not at all.
+
+    Args: path of the file; points, the map. Raises FileError where the file cannot be written.
+    """
     header = {
         "format": FORMAT,
         "version": VERSION,
@@ -32,7 +35,10 @@ def save(path: str | os.PathLike[str], points: PointMap) -> None:
 
 
 def load(path: str | os.PathLike[str]) -> PointMap:
-    """The map in the npz file. Raises FileError, naming file and key, for anything that is no map."""
+    """The map in the npz file.
+
+    Args: path of the file. Raises FileError, naming file and key, for anything that is no map.
+    """
     path = Path(path)
     header, arrays = archive.load(path, FORMAT, version=VERSION, names=("position", "covariance", "count"))
     n, origin, resolution = (header.get(key) for key in ("points", "origin", "resolution"))

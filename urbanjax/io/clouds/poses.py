@@ -12,7 +12,10 @@ TOLERANCE = 1e-3  # of a rotation matrix from an orthogonal one, and of a quater
 
 
 def read_kitti(path: str | Path) -> np.ndarray:
-    """Poses [T, 4, 4] of a KITTI file. Raises FileError, naming file and line, for anything that is no pose."""
+    """Poses [T, 4, 4] of a KITTI file.
+
+    Args: path of the file. Raises FileError, naming file and line, for anything that is no pose.
+    """
     rows = _numbers(Path(path), 12)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows.reshape(-1, 3, 4)
@@ -21,7 +24,10 @@ def read_kitti(path: str | Path) -> np.ndarray:
 
 
 def read_tum(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Times [T] (s) and poses [T, 4, 4] of a TUM file: time x y z qx qy qz qw. Errors as of `read_kitti`."""
+    """Times [T] (s) and poses [T, 4, 4] of a TUM file: time x y z qx qy qz qw. Errors as of `read_kitti`.
+
+    Args: path of the file.
+    """
     rows = _numbers(Path(path), 8)
     size = np.linalg.norm(rows[:, 4:], axis=1)
     _refuse(Path(path), np.abs(size - 1) > TOLERANCE, "the quaternion has not the length 1")
@@ -33,7 +39,10 @@ def read_tum(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_matrix(path: str | Path) -> np.ndarray:
-    """One pose [4, 4], a row per line. Errors as of `read_kitti`."""
+    """One pose [4, 4], a row per line. Errors as of `read_kitti`.
+
+    Args: path of the file.
+    """
     rows = _numbers(Path(path), 4)
     if rows.shape != (4, 4) or np.abs(rows[3] - [0, 0, 0, 1]).max() > TOLERANCE:
         raise FileError(f"{path}: holds no matrix of four lines that ends in 0 0 0 1")
@@ -42,12 +51,18 @@ def read_matrix(path: str | Path) -> np.ndarray:
 
 
 def write_kitti(path: str | Path, poses: np.ndarray) -> None:
-    """Poses [T, 4, 4] as a KITTI file."""
+    """Poses [T, 4, 4] as a KITTI file.
+
+    Args: path of the file; poses [T, 4, 4].
+    """
     np.savetxt(path, np.asarray(poses, float)[:, :3].reshape(-1, 12), fmt="%.9g")
 
 
 def write_tum(path: str | Path, time: np.ndarray, *, poses: np.ndarray) -> None:
-    """Times [T] (s) and poses [T, 4, 4] as a TUM file."""
+    """Times [T] (s) and poses [T, 4, 4] as a TUM file.
+
+    Args: path of the file; time [T] s; poses [T, 4, 4].
+    """
     poses = np.asarray(poses, float)
     quaternion = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
     rows = np.column_stack([np.asarray(time, float), poses[:, :3, 3], quaternion])
@@ -73,10 +88,10 @@ def _numbers(path: Path, columns: int) -> np.ndarray:
     return np.array(rows)
 
 
-def _twisted(turn: np.ndarray) -> np.ndarray:
+def _twisted(rotation: np.ndarray) -> np.ndarray:
     """Which matrices [T, 3, 3] are no rotations [T]."""
-    off = np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-    return (off > TOLERANCE) | (np.linalg.det(turn) < 0)
+    off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+    return (off > TOLERANCE) | (np.linalg.det(rotation) < 0)
 
 
 def _refuse(path: Path, wrong: np.ndarray, what: str) -> None:

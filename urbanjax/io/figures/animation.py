@@ -10,7 +10,10 @@ MARGIN = 6  # px
 
 
 def write_gif(path: Path, frames: Sequence[np.ndarray], *, rate: float) -> None:
-    """Write RGB pictures [H, W, 3] uint8 of equal size as an endless GIF of `rate` pictures per second."""
+    """Write RGB pictures [H, W, 3] uint8 of equal size as an endless GIF of `rate` pictures per second.
+
+    Args: path of the file; frames, the pictures; rate [1/s].
+    """
     from PIL import Image
 
     if not frames:
@@ -26,7 +29,10 @@ def write_gif(path: Path, frames: Sequence[np.ndarray], *, rate: float) -> None:
 
 
 def stacked(pictures: Sequence[np.ndarray], labels: Sequence[str]) -> np.ndarray:
-    """The RGB pictures of equal width one below the other, each with its label in the upper left corner."""
+    """The RGB pictures of equal width one below the other, each with its label in the upper left corner.
+
+    Args: pictures [H, W, 3] uint8; labels, one each.
+    """
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(14)

@@ -25,9 +25,9 @@ def draw_lattice(
 ) -> Any:
     """Nodes coloured by their weight, edges as thin lines, the path on top; returns what a colour bar is made of.
 
-    Args: position [S, M, 2] m; weight [S, M] in [0, 1]; there [S, M], which nodes exist (default: all); edges
-    [e, M, M], which to draw (from layer i to i + 1, the last back to the first where e = S); path [n, 2] m; size of the
-    nodes in points.
+    Args: axes of matplotlib; position [S, M, 2] m; weight [S, M] in [0, 1]; there [S, M], which nodes exist (None:
+    all); edges [e, M, M], which to draw (from layer i to i + 1, the last back to the first where e = S); path [n, 2] m;
+    size of the nodes in points.
     """
     from matplotlib.collections import LineCollection
 
@@ -55,7 +55,10 @@ def draw_lattice(
 
 
 def macro_nodes(window: Corridor, plan: MacroPlan) -> tuple[np.ndarray, np.ndarray]:
-    """Positions [S, M, 2] of a macro plan's nodes and [S + 1, 2] of the plan from the ego on, in metres."""
+    """Positions [S, M, 2] of a macro plan's nodes and [S + 1, 2] of the plan from the ego on, in metres.
+
+    Args: window, the corridor that the plan is in; plan, a macro plan.
+    """
     station = np.broadcast_to(np.asarray(plan.station)[:, None], plan.node_offset.shape)
     nodes = np.asarray(_world(window, station, plan.node_offset)[0])
     stations = np.concatenate([np.asarray(plan.start_station)[None], plan.station])
@@ -67,6 +70,7 @@ def draw_macro(axes: Any, window: Corridor, *, plan: MacroPlan) -> Any:
     """A macro plan's lattice with the weight of each node and the plan itself; returns what a colour bar is made of.
 
     Nodes off the road are left out.
+    Args: axes of matplotlib; window, the corridor that the plan is in; plan, a macro plan.
     """
     nodes, path = macro_nodes(window, plan)
     lanes = window.has_lane.shape[1]

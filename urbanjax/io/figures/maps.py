@@ -22,6 +22,7 @@ def draw_map(found: RoadMap, path: Path) -> None:
     Grey lanes are roads, blue ones links inside junctions, ochre ones highways; red bars are stop lines of signals,
     triangles ends where one yields, squares those where one stops; orange lines recorded tracks, with the boxes of
     their first states.
+    Args: found, the map; path of the picture.
     """
     graph = found.graph
     ends = np.concatenate([np.asarray(graph.left), np.asarray(graph.right)]).reshape(-1, 2)

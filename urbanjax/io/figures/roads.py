@@ -16,7 +16,8 @@ FILLS = {RoadType.JUNCTION: "#dfe7ef", RoadType.HIGHWAY: "#efe9dc", RoadType.RAM
 def draw_road(axes: Any, graph: RoadGraph, *, line: float = 0.6) -> None:
     """Surface and borders of each lane, at one scale for both axes.
 
-    Grey lanes are roads, blue ones links inside junctions, ochre ones highways. Args: line, width of borders in points.
+    Grey lanes are roads, blue ones links inside junctions, ochre ones highways.
+    Args: axes of matplotlib; graph, the road graph; line, width of borders in points.
     """
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -36,7 +37,8 @@ def draw_road(axes: Any, graph: RoadGraph, *, line: float = 0.6) -> None:
 def draw_boxes(axes: Any, boxes: np.ndarray, *, colour: str, filled: bool = True) -> None:
     """Vehicles from above, filled or as outlines.
 
-    Args: boxes [n, 5] of x, y (m) of the centre, heading (rad), length, width (m).
+    Args: axes of matplotlib; boxes [n, 5] of x, y (m) of the centre, heading (rad), length, width (m); colour,
+    matplotlib's; filled, or outlines only.
     """
     from matplotlib.collections import PolyCollection
 

@@ -32,7 +32,10 @@ GOOD, BAD = "#2a7f62", "#c0392b"
 
 @contextlib.contextmanager
 def figure(path: Path, width: float, *, height: float) -> Iterator[Any]:
-    """A matplotlib figure of width x height inches in the house style, saved to `path` on leaving."""
+    """A matplotlib figure of width x height inches in the house style, saved to `path` on leaving.
+
+    Args: path of the picture; width, height [inch].
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -45,7 +48,10 @@ def figure(path: Path, width: float, *, height: float) -> Iterator[Any]:
 
 
 def shades(count: int) -> list[tuple[float, float, float, float]]:
-    """`count` colours from calm to alarming, for a parameter that rises."""
+    """`count` colours from calm to alarming, for a parameter that rises.
+
+    Args: count of colours.
+    """
     import matplotlib
 
     scale = matplotlib.colormaps["plasma"]

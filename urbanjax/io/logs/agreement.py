@@ -16,7 +16,8 @@ STILL = 1e-6  # m/s, of a stated speed that says nothing
 def compared(log: VehicleLog, form: LogFormat, *, column: str) -> VehicleLog:
     """The log with the ratio of its stated speed to that of its positions, and notes of what does not agree.
 
-    Raises LogError where the ratio is off by more than the format's factor, with the units that would fit.
+    Args: log, with its speed and heading as stated; form, the file's format; column of the speed, for messages. Raises
+    LogError where the ratio is off by more than the format's factor, with the units that would fit.
     """
     notes = [*log.report.notes, *_astray(log)]
     ratio = float("nan")
@@ -58,6 +59,7 @@ def speed_ratios(log: VehicleLog) -> tuple[np.ndarray, np.ndarray]:
     """First samples [w] of windows of about WINDOW, and stated speed over distance per time [w] in them.
 
     Only those count in which the vehicle moves by both; there are none where there would be fewer than three.
+    Args: log, with its speed as stated.
     """
     none = np.zeros(0, int), np.zeros(0)
     step = np.diff(log.time)

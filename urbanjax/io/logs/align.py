@@ -73,7 +73,9 @@ def align(
 
     The longest path is held against every part of the line that is as long as it, which gives the starts (closed
     form); each is refined by closest points, of which the nearest share counts. Paths and line may be parts of each
-    other. Raises LogError for paths or a line that are no curves.
+    other.
+    Args: paths [n, 2] m; line [m, 2] m; closed, whether the line goes on from its last point to its first. Raises
+    LogError for paths or a line that are no curves.
     """
     paths = [np.asarray(paths, float)] if isinstance(paths, np.ndarray) else [np.asarray(p, float) for p in paths]
     if not paths:
@@ -131,11 +133,11 @@ def _starts(
         parts = course.at(offsets[:, None] + station)  # [offsets, SHAPE, 2]
         for part in (parts, parts[:, ::-1])[: 2 if params.backwards else 1]:
             for mirrored in mirrors(params.reflection):
-                factor, shift, rms = fit(shape[:, None], part[None], reflected=mirrored, scale=limits)
+                factor, translation, rms = fit(shape[:, None], part[None], reflected=mirrored, scale=limits)
                 order = np.argsort(rms, axis=None)[: 20 * params.starts]
                 found += [
-                    (float(r), frame(complex(f), complex(s), reflected=mirrored))
-                    for r, f, s in zip(*(a.flat[order] for a in (rms, factor, shift)), strict=True)
+                    (float(r), frame(complex(f), complex(t), reflected=mirrored))
+                    for r, f, t in zip(*(a.flat[order] for a in (rms, factor, translation)), strict=True)
                 ]
     found.sort(key=lambda item: item[0])
     points = lead.at(np.linspace(0.0, lead.length, SHAPE))

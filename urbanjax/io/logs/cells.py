@@ -15,7 +15,8 @@ LONGEST = 400  # characters of a number: Python refuses to read much longer ones
 def numbers(cells: Any, where: Callable[[int], str]) -> tuple[np.ndarray, np.ndarray]:
     """Values [R] (NaN where absent) and which are absent [R], of a pyarrow array or a sequence of Python values.
 
-    Args: where, what names cell k in a message. Raises LogError for a cell that is neither empty nor a number.
+    Args: cells, a pyarrow array or a sequence [R]; where, what names cell k in a message. Raises LogError for a cell
+    that is neither empty nor a number.
     """
     if not isinstance(cells, Sequence):
         quick = _quick(cells)
@@ -70,7 +71,11 @@ def _number(cell: Any) -> float | None:
 
 
 def names(cells: Any, where: Callable[[int], str]) -> list[str]:
-    """The names in a column, stripped; numbers count as names. Raises LogError for an empty cell."""
+    """The names in a column, stripped; numbers count as names.
+
+    Args: cells, a pyarrow array or a sequence [R]; where, what names cell k in a message. Raises LogError for an empty
+    cell.
+    """
     cells = cells if isinstance(cells, Sequence) else cells.to_pylist()
     found = []
     for k, cell in enumerate(cells):

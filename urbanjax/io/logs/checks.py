@@ -36,7 +36,8 @@ class Samples(NamedTuple):
 def cleaned(samples: Samples, form: LogFormat, *, vehicle: str) -> tuple[dict[str, np.ndarray] | None, LogReport]:
     """Columns in SI units by role, and `rows`, in rising time; with them what was left out.
 
-    None in place of the columns where fewer than two samples remain and the format leaves such vehicles out. Raises
+    None in place of the columns where fewer than two samples remain and the format leaves such vehicles out.
+    Args: samples of one vehicle, as the file has them; form, the file's format; vehicle, its name for messages. Raises
     LogError, naming row and column, for what the format does not allow.
     """
     count: dict[str, Any] = {"rows": len(samples.rows)}

@@ -24,14 +24,16 @@ def refined(
 
     The closed form draws points to their feet, which is sure but slow along the line; then steps of least squares
     across the line (Gauss-Newton) end it, as far as they lessen the rms.
+    Args: points [n, 2] m; course, the line; tree of its points; begin, the first frame; limits of the scale; keep, the
+    share of points that counts; iterations of the closed form at most.
     """
     count = max(int(np.ceil(keep * len(points))), 2)
     here = begin
     for _ in range(iterations):
         foot, distance = feet(here.apply(points), course, tree=tree)
         nearest = np.argpartition(distance, count - 1)[:count]
-        factor, shift, _ = fit(points[nearest], foot[nearest], reflected=begin.reflected, scale=limits)
-        before, here = here, frame(complex(factor), complex(shift), reflected=begin.reflected)
+        factor, translation, _ = fit(points[nearest], foot[nearest], reflected=begin.reflected, scale=limits)
+        before, here = here, frame(complex(factor), complex(translation), reflected=begin.reflected)
         if apart(before, here, points=points) < SETTLED * course.extent:
             break
     rms = _rms(points, course, tree, here, count)
@@ -48,7 +50,10 @@ def refined(
 
 
 def feet(points: np.ndarray, course: LogLine, *, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest points of the line [n, 2] and distances to them [n], m."""
+    """Nearest points of the line [n, 2] and distances to them [n], m.
+
+    Args: points [n, 2] m; course, the line; tree of its points.
+    """
     near = np.asarray(tree.query(points)[1])
     base, tangent = course.points[near], course.tangent[near]
     ahead = np.clip(np.sum((points - base) * tangent, -1), course.behind[near], course.ahead[near])
@@ -76,9 +81,9 @@ def _across(
     if limits[0] < limits[1]:
         columns.append(np.sum(normal * arm, -1))
     off = np.sum(normal * (foot - mapped)[nearest], -1)
-    x, y, turn, *growth = np.linalg.lstsq(np.stack(columns, -1), off, rcond=1e-9)[0]
+    x, y, rotation, *growth = np.linalg.lstsq(np.stack(columns, -1), off, rcond=1e-9)[0]
     scale = float(np.clip(here.scale * (1 + (growth[0] if growth else 0.0)), *limits))
-    after = Frame(scale, here.reflected, here.rotation + float(turn), (0.0, 0.0))
+    after = Frame(scale, here.reflected, here.rotation + float(rotation), (0.0, 0.0))
     # Turned and scaled about the middle of the points, which then moves by (x, y).
-    shift = middle + np.array([x, y]) - after.apply(here.inverse().apply(middle))
-    return Frame(scale, here.reflected, after.rotation, (float(shift[0]), float(shift[1])))
+    translation = middle + np.array([x, y]) - after.apply(here.inverse().apply(middle))
+    return Frame(scale, here.reflected, after.rotation, (float(translation[0]), float(translation[1])))

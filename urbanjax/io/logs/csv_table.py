@@ -13,7 +13,10 @@ from urbanjax.io.logs.table import LogTable, short, text_of
 
 
 def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
-    """The table of a CSV: a preamble, a header and rows of as many cells."""
+    """The table of a CSV: a preamble, a header and rows of as many cells.
+
+    Args: path, for messages; data, the bytes of the file; form, the file's format.
+    """
     text = text_of(path, data)
     *head, rest = text.split("\n", form.preamble + 1)
     if len(head) <= form.preamble:

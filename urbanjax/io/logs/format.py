@@ -71,7 +71,10 @@ class LogFormat:
 
 
 def check(form: LogFormat) -> None:
-    """Raise LogError where a format names what is not there, as one made in code may."""
+    """Raise LogError where a format names what is not there, as one made in code may.
+
+    Args: form, a file's format.
+    """
     for owner, prefix in ((form, ""), (form.units, "units.")):
         for spec in dataclasses.fields(owner):
             value, choices = getattr(owner, spec.name), spec.metadata.get("choices")
@@ -89,7 +92,10 @@ def check(form: LogFormat) -> None:
 
 
 def scale(form: LogFormat, role: str) -> float:
-    """What one unit of a column (time, position, speed, heading) is in s, m, m/s or rad."""
+    """What one unit of a column (time, position, speed, heading) is in s, m, m/s or rad.
+
+    Args: form, the file's format; role of the column.
+    """
     return UNITS[role][getattr(form.units, role)]
 
 
@@ -97,6 +103,7 @@ def fitting(form: LogFormat, ratio: float, *, within: float = 1.1) -> list[str]:
     """Settings `units.role=unit` that bring the ratio of stated speed to that of the positions within `within` of 1.
 
     Nearest first.
+    Args: form, the file's format; ratio of stated speed to that of the positions; within, the factor.
     """
     found: list[tuple[float, str]] = []
     for role, sign in (("speed", 1), ("position", -1), ("time", 1)):
@@ -108,7 +115,10 @@ def fitting(form: LogFormat, ratio: float, *, within: float = 1.1) -> list[str]:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """A clause that names the columns nearest to a missing one."""
+    """A clause that names the columns nearest to a missing one.
+
+    Args: name of the missing column; names of those that are there.
+    """
     lower: Mapping[str, str] = {other.lower(): other for other in names}
     found = difflib.get_close_matches(name.lower(), lower, n=3, cutoff=0.5)
     if not found:

@@ -57,29 +57,38 @@ def _plane(values: np.ndarray) -> np.ndarray:
 def fit(
     source: np.ndarray, target: np.ndarray, *, reflected: bool = False, scale: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Factors [...] and shifts [...] (complex: z -> factor z + shift) of least squares, and their rms [...], m.
+    """Factors [...] and translations [...] (complex: z -> factor z + translation) of least squares, and rms [...], m.
 
-    Umeyama's solution, in which a complex factor is rotation and scale at once. Args: source and target [..., n, 2]
-    pairs of points; reflected, whether y of the source is mirrored first; scale, limits of the scale.
+    Umeyama's solution, in which a complex factor is rotation and scale at once.
+    Args: source, target [..., n, 2] m, pairs of points; reflected, whether y of the source is mirrored first; scale,
+    limits of the scale.
     """
     a, b = _complex(source), _complex(target)
     a = a.conj() if reflected else a
     middle_a, middle_b = a.mean(-1, keepdims=True), b.mean(-1, keepdims=True)
     a0, b0 = a - middle_a, b - middle_b
     cross, size = np.sum(a0.conj() * b0, -1), np.sum(np.abs(a0) ** 2, -1)
-    turn = np.where(np.abs(cross) > 0, cross / np.maximum(np.abs(cross), 1e-300), 1.0)
-    factor = turn * np.clip(np.abs(cross) / np.maximum(size, 1e-300), *scale)
+    rotation = np.where(np.abs(cross) > 0, cross / np.maximum(np.abs(cross), 1e-300), 1.0)
+    factor = rotation * np.clip(np.abs(cross) / np.maximum(size, 1e-300), *scale)
     rms = np.sqrt(np.mean(np.abs(factor[..., None] * a0 - b0) ** 2, -1))
     return np.asarray(factor), np.asarray(middle_b[..., 0] - factor * middle_a[..., 0]), np.asarray(rms)
 
 
-def frame(factor: complex, shift: complex, *, reflected: bool) -> Frame:
-    """The frame of a complex factor and shift."""
-    return Frame(float(abs(factor)), reflected, float(np.angle(factor)), (float(np.real(shift)), float(np.imag(shift))))
+def frame(factor: complex, translation: complex, *, reflected: bool) -> Frame:
+    """The frame of a complex factor and translation.
+
+    Args: factor, whose size is the scale and whose angle the rotation; translation, x + iy, m; reflected, whether y is
+    mirrored first.
+    """
+    x, y = float(np.real(translation)), float(np.imag(translation))
+    return Frame(float(abs(factor)), reflected, float(np.angle(factor)), (x, y))
 
 
 def apart(one: Frame, other: Frame, *, points: np.ndarray) -> float:
-    """Root mean square distance, m, between where two frames put points [n, 2]."""
+    """Root mean square distance, m, between where two frames put points [n, 2].
+
+    Args: one, other, frames; points [n, 2] m of the log.
+    """
     return float(np.sqrt(np.mean(np.sum((one.apply(points) - other.apply(points)) ** 2, -1))))
 
 
@@ -88,7 +97,8 @@ def from_pairs(
 ) -> tuple[Frame, np.ndarray]:
     """The frame of least squares for pairs of points [n, 2], n > 1, and their distances in it [n], m.
 
-    Args: reflection, no, yes or either; scale, limits. Raises LogError for points that fix no frame.
+    Args: source, target [n, 2] m; reflection, no, yes or either; scale, its limits. Raises LogError for points that fix
+    no frame.
     """
     source, target = np.asarray(source, float), np.asarray(target, float)
     if source.shape != target.shape or source.ndim != 2 or source.shape[-1] != 2 or len(source) < 2:
@@ -98,13 +108,16 @@ def from_pairs(
     if min(np.ptp(source, axis=0).max(), np.ptp(target, axis=0).max()) <= 0.0:
         raise LogError("pairs of points: all are one point, which fixes no rotation")
     found = [(mirrored, fit(source, target, reflected=mirrored, scale=scale)) for mirrored in mirrors(reflection)]
-    mirrored, (factor, shift, _) = min(found, key=lambda item: float(item[1][2]))
-    best = frame(complex(factor), complex(shift), reflected=mirrored)
+    mirrored, (factor, translation, _) = min(found, key=lambda item: float(item[1][2]))
+    best = frame(complex(factor), complex(translation), reflected=mirrored)
     return best, np.linalg.norm(best.apply(source) - target, axis=-1)
 
 
 def mirrors(reflection: str) -> tuple[bool, ...]:
-    """The reflections to try. Raises LogError for another word than no, yes and either."""
+    """The reflections to try.
+
+    Args: reflection, the word. Raises LogError for another word than no, yes and either.
+    """
     known = {"no": (False,), "yes": (True,), "either": (False, True)}
     if reflection not in known:
         raise LogError(f"reflection must be one of {', '.join(known)}, not {reflection!r}")

@@ -14,7 +14,10 @@ DEEPEST = 16  # groups within each other
 
 
 def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
-    """The table of a JSON file: columns (lists of one length) or a list of records, below the key `records`."""
+    """The table of a JSON file: columns (lists of one length) or a list of records, below the key `records`.
+
+    Args: path, for messages; data, the bytes of the file; form, the file's format.
+    """
     text = text_of(path, data)
     try:
         tree = json.loads(text)

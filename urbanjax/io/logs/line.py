@@ -70,17 +70,26 @@ class LogLine:
 
 
 def along(line: LogLine, count: int) -> np.ndarray:
-    """`count` stations [count] of even spacing, m."""
+    """`count` stations [count] of even spacing, m.
+
+    Args: line, the curve; count of stations.
+    """
     return np.linspace(0.0, line.length, count)
 
 
 def thinned(points: np.ndarray, least: float) -> np.ndarray:
-    """The points [m, 2] that are at least `least` from the one kept before: noise at a standstill is no way."""
+    """The points [m, 2] that are at least `least` from the one kept before: noise at a standstill is no way.
+
+    Args: points [m, 2] m; least [m].
+    """
     return points[moved(points, least)]
 
 
 def moved(points: np.ndarray, least: float) -> np.ndarray:
-    """Which points [n] are at least `least` (m) from the last such point before; the first one is."""
+    """Which points [n] are at least `least` (m) from the last such point before; the first one is.
+
+    Args: points [n, 2] m; least [m].
+    """
     mask = np.zeros(len(points), bool)
     x0, y0 = np.inf, np.inf
     for k, (x, y) in enumerate(points.tolist()):

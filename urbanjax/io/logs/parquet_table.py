@@ -15,7 +15,10 @@ MOST_CELLS = 100_000_000  # of the columns that are read
 
 
 def load(path: Path, data: bytes, *, form: LogFormat) -> LogTable:
-    """The table of a Parquet file with flat columns."""
+    """The table of a Parquet file with flat columns.
+
+    Args: path, for messages; data, the bytes of the file; form, the file's format.
+    """
     import pyarrow
     import pyarrow.parquet
 

@@ -57,6 +57,7 @@ def quality(log: VehicleLog, params: QualityParams = DEFAULT) -> Quality:
     """What can be said against a log, and in words.
 
     Whether the vehicle moves at a repeated position is told by the stated speed, or else by the positions around it.
+    Args: log, as read.
     """
     period = np.diff(log.time)
     step = np.hypot(*np.diff(log.position, axis=0).T)
@@ -130,13 +131,19 @@ def _longest(time: np.ndarray, again: np.ndarray) -> float:
 
 
 def stuck(log: VehicleLog, params: QualityParams = DEFAULT) -> np.ndarray:
-    """Which samples [n] repeat the position of the one before while the vehicle moves."""
+    """Which samples [n] repeat the position of the one before while the vehicle moves.
+
+    Args: log, as read.
+    """
     again = np.hypot(*np.diff(log.position, axis=0).T) <= params.same
     return np.concatenate([[False], again & (np.diff(log.time) > 0)]) & _moving(log, params)
 
 
 def coarseness(found: Sequence[Quality]) -> list[float]:
-    """The roughness of each log over the median of all that move, which shows whose positions are coarser."""
+    """The roughness of each log over the median of all that move, which shows whose positions are coarser.
+
+    Args: found, the quality of each log.
+    """
     moving = [q.roughness for q in found if not q.frozen and np.isfinite(q.roughness)]
     usual = float(np.median(moving)) if moving else float("nan")
     return [q.roughness / usual if usual > 0 and not q.frozen else float("nan") for q in found]

@@ -39,9 +39,10 @@ class Part(NamedTuple):
 def read(paths: str | Path | Iterable[str | Path], form: LogFormat) -> list[VehicleLog]:
     """The logs of one or more files, each a path or a pattern (`*/*_tel.json`), in the order of files and vehicles.
 
-    Raises LogError, naming file, row and column and what to do, for a file that is missing, too large, cut off or not
-    in the stated format; for samples that are not finite, said twice or out of order, unless the format says what to
-    do with them; and for units in which the stated speed is not that of the positions.
+    Args: paths of files, or patterns; form, the files' format. Raises LogError, naming file, row and column and what to
+    do, for a file that is missing, too large, cut off or not in the stated format; for samples that are not finite,
+    said twice or out of order, unless the format says what to do with them; and for units in which the stated speed is
+    not that of the positions.
     """
     check(form)
     logs: list[VehicleLog] = []
@@ -51,7 +52,10 @@ def read(paths: str | Path | Iterable[str | Path], form: LogFormat) -> list[Vehi
 
 
 def files(paths: str | Path | Iterable[str | Path]) -> list[Path]:
-    """The files that paths and patterns name, each once. Raises LogError for one that names none."""
+    """The files that paths and patterns name, each once.
+
+    Args: paths of files, or patterns. Raises LogError for one that names none.
+    """
     found: list[Path] = []
     for path in [paths] if isinstance(paths, str | Path) else paths:
         text = str(path)
@@ -67,7 +71,10 @@ def files(paths: str | Path | Iterable[str | Path]) -> list[Path]:
 
 
 def read_file(path: Path, form: LogFormat) -> list[VehicleLog]:
-    """The logs of one file; errors as of `read`."""
+    """The logs of one file; errors as of `read`.
+
+    Args: path of the file; form, its format.
+    """
     table = load(path, form)
     stated = named(path, form)
     logs = []
@@ -81,7 +88,10 @@ def read_file(path: Path, form: LogFormat) -> list[VehicleLog]:
 
 
 def load(path: Path, form: LogFormat) -> LogTable:
-    """The table of a file, by its suffix. Raises LogError for a file that is missing, too large or no such file."""
+    """The table of a file, by its suffix.
+
+    Args: path of the file; form, its format. Raises LogError for a file that is missing, too large or no such file.
+    """
     loader = LOADERS.get(path.suffix.lower())
     if loader is None:
         raise LogError(f"{path_text(path)}: a log ends in {', '.join(LOADERS)}, not in {path.suffix!r}")
@@ -102,7 +112,10 @@ def load(path: Path, form: LogFormat) -> LogTable:
 
 
 def named(path: Path, form: LogFormat) -> dict[str, str]:
-    """Names of team, vehicle and run as the file's path states them. Raises LogError where it is made otherwise."""
+    """Names of team, vehicle and run as the file's path states them.
+
+    Args: path of the file; form, its format. Raises LogError where it is made otherwise.
+    """
     pieces = re.split(r"\{(team|vehicle|run)\}", form.path)
     if len(set(pieces[1::2])) < len(pieces[1::2]):
         raise LogError(f"format: 'path' {form.path!r} holds one name twice")

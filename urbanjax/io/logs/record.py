@@ -74,7 +74,8 @@ class VehicleLog:
 def from_arrays(vehicle: str, time: np.ndarray, *, position: np.ndarray, **others: Any) -> VehicleLog:
     """A log of arrays at hand, say of a simulation: time [n] s rising, position [n, 2] m, other fields by name.
 
-    Raises LogError for shapes that do not fit, values that are not finite and time that does not rise.
+    Args: vehicle, its name; time [n] s; position [n, 2] m; others, any other field of a log. Raises LogError for shapes
+    that do not fit, values that are not finite and time that does not rise.
     """
     time, position = np.asarray(time, float), np.asarray(position, float)
     if time.ndim != 1 or position.shape != (len(time), 2) or len(time) < 2:
@@ -93,5 +94,8 @@ def from_arrays(vehicle: str, time: np.ndarray, *, position: np.ndarray, **other
 
 
 def path_text(path: str | Path) -> str:
-    """A path as messages and records show it."""
+    """A path as messages and records show it.
+
+    Args: path of any file.
+    """
     return Path(path).as_posix()

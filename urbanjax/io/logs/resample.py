@@ -44,9 +44,10 @@ class Resampled:
 def by_time(log: VehicleLog, period: float, *, longest_gap: float = 1.0, raw_only: bool = False) -> Resampled:
     """The log at the multiples of `period` (s), so that logs of one clock share their times; linear in between.
 
-    Heading takes the short way round the circle. Args: longest_gap, s without a sample that is still crossed;
-    raw_only, leave interpolated samples out first. Raises LogError for a period that is not positive, for one that
-    makes too many samples and where no piece has two.
+    Heading takes the short way round the circle.
+    Args: log, as read; period [s]; longest_gap, s without a sample that is still crossed; raw_only, leave interpolated
+    samples out first. Raises LogError for a period that is not positive, for one that makes too many samples and where
+    no piece has two.
     """
     used, interpolated = _usable(log, raw_only)
     _positive(period=period, longest_gap=longest_gap)
@@ -68,6 +69,8 @@ def by_length(
 
     Samples that are less than `standing` (m) from the one kept before are left out first, so that noise at a
     standstill is no way. A gap is one of the log, not of what standing leaves. Errors as of `by_time`.
+    Args: log, as read; spacing [m]; longest_gap, s without a sample that is still crossed; standing [m]; raw_only,
+    leave interpolated samples out first.
     """
     used, interpolated = _usable(log, raw_only)
     _positive(spacing=spacing, longest_gap=longest_gap)

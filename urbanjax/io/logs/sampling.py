@@ -18,6 +18,7 @@ def resolution(position: np.ndarray) -> float:
     """Step of the coarsest grid (1-2-5 steps of m or feet) that a part of positions [n, 2] lies on; 0 for none, m.
 
     Of the points of a finer grid some lie on a coarser one by chance: more must do so, in x and in y.
+    Args: position [n, 2] m.
     """
     if len(position) > ENOUGH:
         position = position[np.random.default_rng(0).choice(len(position), ENOUGH, replace=False)]
@@ -43,6 +44,7 @@ def raw(log: VehicleLog) -> np.ndarray:
 
     Where a good part of the positions lies on a grid, those that do; else those that are not exactly in line, in
     space and time, with the samples beside them. All, where neither pattern sets some samples apart.
+    Args: log, as read.
     """
     step = resolution(log.position)
     if step > 0.0:
@@ -53,7 +55,10 @@ def raw(log: VehicleLog) -> np.ndarray:
 
 
 def in_line(log: VehicleLog) -> np.ndarray:
-    """Which samples [n] lie where a straight and even movement between their neighbours passes at their time."""
+    """Which samples [n] lie where a straight and even movement between their neighbours passes at their time.
+
+    Args: log, as read.
+    """
     flag = np.zeros(log.n, bool)
     if log.n < 3:
         return flag
@@ -69,6 +74,7 @@ def roughness(log: VehicleLog) -> float:
     """Median distance, m, of samples from the cubic in time through the two before and the two after; NaN below five.
 
     It holds the noise of times and positions alike, scaled so that white noise of any rate gives its own size.
+    Args: log, as read.
     """
     if log.n < 5:
         return float("nan")

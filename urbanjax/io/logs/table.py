@@ -32,7 +32,10 @@ class LogTable(NamedTuple):
 
 
 def text_of(path: Path, data: bytes) -> str:
-    """The text of a file. Raises LogError, naming the line, where it is not UTF-8."""
+    """The text of a file.
+
+    Args: path, for messages; data, the bytes of the file. Raises LogError, naming the line, where it is not UTF-8.
+    """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise LogError(f"{path_text(path)}: is UTF-16; save it as UTF-8")
     try:
@@ -47,5 +50,8 @@ def text_of(path: Path, data: bytes) -> str:
 
 
 def short(error: BaseException) -> str:
-    """The message of an error of a library in at most 120 characters."""
+    """The message of an error of a library in at most 120 characters.
+
+    Args: error, as caught.
+    """
     return " ".join(str(error).split())[:120] or type(error).__name__

@@ -27,7 +27,8 @@ READERS = {"commonRoad": commonroad.read, "osm": lanelet2.read, "net": sumo.read
 def read(path: str | Path) -> RoadMap:
     """The map of a CommonRoad (2018b, 2020a), Lanelet2 or SUMO file, told by its content, or of a racetrack's CSV.
 
-    Raises MapError, naming the file and the element, for what is no such map or a malformed one.
+    Args: path of the file. Raises MapError, naming the file and the element, for what is no such map or a malformed
+    one.
     """
     if Path(path).suffix.lower() == ".csv":
         return racetrack.read(path)

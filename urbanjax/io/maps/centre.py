@@ -25,7 +25,10 @@ class CentreLine:
 
 
 def centre_line(lane: MapLane) -> CentreLine:
-    """The middle of a lane's borders, evenly spaced, with headings that follow it smoothly."""
+    """The middle of a lane's borders, evenly spaced, with headings that follow it smoothly.
+
+    Args: lane, as the map states it.
+    """
     left, right = (_forward(border) if lane.drawn else border for border in (lane.left, lane.right))
     if not (lane.paired and len(left) == len(right)):
         left, right = _paired(left, right)
@@ -50,12 +53,18 @@ def centre_line(lane: MapLane) -> CentreLine:
 
 
 def stations(points: np.ndarray) -> np.ndarray:
-    """Arc length [n] m along a polyline [n, 2]."""
+    """Arc length [n] m along a polyline [n, 2].
+
+    Args: points [n, 2] m.
+    """
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def borders(centre: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Left and right border [n, 2] of a lane that a map states by its centre line [n, 2] and its width [m]."""
+    """Left and right border [n, 2] of a lane that a map states by its centre line [n, 2] and its width [m].
+
+    Args: centre [n, 2] m; width [m].
+    """
     step = np.diff(centre, axis=0)
     unit = step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     along = np.concatenate([unit[:1], unit[1:] + unit[:-1], unit[-1:]])

@@ -31,7 +31,8 @@ def read(xml: Xml) -> RoadMap:
 
     Successors, neighbours and permissions to change are as stated; a border without marking permits a change. Turns
     come from the intersections, elsewhere from the headings. Speed limits are in m/s; lanelets that only pedestrians
-    or cyclists use are counted in `other`. Raises MapError, naming the file and the element.
+    or cyclists use are counted in `other`.
+    Args: xml, the parsed file. Raises MapError, naming the file and the element.
     """
     version = xml.root.get("commonRoadVersion")
     if version not in VERSIONS:

@@ -13,6 +13,7 @@ def transverse_mercator(
 
     The usual series to the sixth order, exact to a millimetre within 100 km of the meridian. Away from it the scale
     grows: lengths are 3e-7 too large at 5 km and 1.3e-4 at 100 km.
+    Args: latitude, longitude [n] deg; middle, latitude and longitude in deg.
     """
     e, second = ECCENTRICITY, ECCENTRICITY / (1 - ECCENTRICITY)
     phi = np.radians(latitude)

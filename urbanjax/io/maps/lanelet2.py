@@ -53,7 +53,8 @@ def read(xml: Xml) -> RoadMap:
     both borders share end points, lie beside each other where they share a way, whose type or `lane_change` tag tells
     whether it may be crossed; one driven both ways (`one_way` no) becomes two, the second with the negative id. A
     signal is named after the ways of its lights, in order; it stands at the reference line. Lanelets without cars are
-    counted in `other`. Raises MapError, naming the file and the element.
+    counted in `other`.
+    Args: xml, the parsed file. Raises MapError, naming the file and the element.
     """
     ways = {xml.id(way): way for way in xml.root.findall("way")}
     relations = {xml.id(relation): relation for relation in xml.root.findall("relation")}
@@ -84,12 +85,18 @@ def read(xml: Xml) -> RoadMap:
 
 
 def tags(element: Element) -> dict[str, str]:
-    """The tags of an element."""
+    """The tags of an element.
+
+    Args: element, a node, way or relation.
+    """
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
 def members(xml: Xml, relation: Element, *, kind: str, role: str) -> list[int]:
-    """Ids of the members with a type and a role."""
+    """Ids of the members with a type and a role.
+
+    Args: xml, the parsed file; relation, whose members they are; kind, their type; role, theirs.
+    """
     found = [m for m in relation.findall("member") if m.get("type") == kind and m.get("role") == role]
     return [xml.integer(relation, xml.attribute(m, "ref"), "ref", low=-(2**53)) for m in found]
 
@@ -233,7 +240,10 @@ def _lane(
 
 
 def may_cross(border: Border, side: str) -> bool:
-    """Whether a border may be crossed to `side`: its `lane_change` tags say so, or else its type."""
+    """Whether a border may be crossed to `side`: its `lane_change` tags say so, or else its type.
+
+    Args: border of the lanelet; side, left or right.
+    """
     # Tags and halves of double lines are named looking along the way.
     seen = side if not border.turned else {"left": "right", "right": "left"}[side]
     for key in (f"lane_change:{seen}", "lane_change"):

@@ -31,7 +31,10 @@ def assemble(path: Path, form: str, *, lanes: Sequence[MapLane], gap: float = GA
     References to lanes that are missing, lie too far away or are the lane itself are left out, and so are lanes
     shorter than 0.1 m, whose predecessors then lead to their successors; `faults` lists all of these. Where the map
     does not say which way a lane turns, its heading tells, at forks; lanes of unknown type that cross others are
-    junction links. Raises MapError where nothing usable remains.
+    junction links.
+    Args: path of the file; form, the name of its format; lanes, as the map states them; gap [m] from a lane's end to
+    its successor's start, beyond which the link is left out; rest, other fields of the map. Raises MapError where
+    nothing usable remains.
     """
     if not lanes:
         raise MapError(f"{path}: holds no lane that can be driven")
@@ -119,6 +122,7 @@ def may_cross(marking: str | None, side: str) -> bool | None:
     """Whether a line marking permits a change to `side` ("left" or "right"); None where it says nothing.
 
     Of a double line ("dashed_solid", named from left to right) the half on the own side counts.
+    Args: marking, the line's; side, left or right.
     """
     if marking is None or marking == "unknown":
         return None

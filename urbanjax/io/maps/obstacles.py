@@ -16,7 +16,10 @@ OBSTACLES = ("obstacle", "dynamicObstacle", "staticObstacle")
 
 
 def recording(xml: Xml, dt: float, *, found: RoadMap) -> Recording | None:
-    """The obstacles of a file, relative to the graph's origin; None where it has none."""
+    """The obstacles of a file, relative to the graph's origin; None where it has none.
+
+    Args: xml, the parsed file; dt [s], a time step; found, the map.
+    """
     elements = [e for tag in OBSTACLES for e in xml.root.findall(tag)]
     if not elements:
         return None
@@ -112,7 +115,10 @@ def _polygon(xml: Xml, owner: Element, polygon: Element) -> np.ndarray:
 
 
 def planning_problems(xml: Xml, dt: float, *, found: RoadMap) -> tuple[PlanningProblem, ...]:
-    """The planning problems of a file, relative to the graph's origin; times in seconds."""
+    """The planning problems of a file, relative to the graph's origin; times in seconds.
+
+    Args: xml, the parsed file; dt [s], a time step; found, the map.
+    """
     out = []
     for element in xml.root.findall("planningProblem"):
         step, x, y, heading, speed = _state(xml, element, xml.child(element, "initialState"))

@@ -51,13 +51,17 @@ def read(path: str | Path) -> RoadMap:
     """The road graph of a racetrack: a chain of links with its borders; on a circuit the last leads to the first.
 
     The lane's middle is that of the track, smoothed; its borders lie within the track's, and on the inside of a bend at
-    most 0.9 of the radius from its reference line, where normals would cross. Raises MapError, with line and column.
+    most 0.9 of the radius from its reference line, where normals would cross.
+    Args: path of the file. Raises MapError, with line and column.
     """
     return road_map(Path(path), parse(Path(path)))
 
 
 def road_map(path: Path, track: Racetrack) -> RoadMap:
-    """The road graph of a track (see `read`). Args: path, named in errors."""
+    """The road graph of a track (see `read`).
+
+    Args: path, named in errors; track, as parsed.
+    """
     left, right = borders(path, track)
     breaks = _breaks(0.5 * (left + right))
     count = len(breaks) - 1
@@ -79,7 +83,10 @@ def road_map(path: Path, track: Racetrack) -> RoadMap:
 
 
 def parse(path: Path) -> Racetrack:
-    """The rows of the file, checked. Comma or semicolon separated; comments begin with # and may name the columns."""
+    """The rows of the file, checked. Comma or semicolon separated; comments begin with # and may name the columns.
+
+    Args: path of the file.
+    """
     data = content(path)
     if len(data) > LARGEST_FILE:
         raise MapError(f"{path}: {len(data)} bytes are more than the {LARGEST_FILE} that a map may have")
@@ -168,7 +175,8 @@ def _numbers(path: Path, line: int, cells: list[str], place: dict[str, int], siz
 def borders(path: Path, track: Racetrack) -> tuple[np.ndarray, np.ndarray]:
     """Left and right border [m, 2], at the same places about 1 m apart; on a circuit the last is the first.
 
-    Raises MapError where the line is longer than a track can be or turns on the spot.
+    Args: path, named in errors; track, as parsed. Raises MapError where the line is longer than a track can be or turns
+    on the spot.
     """
     points = np.concatenate([track.position, track.position[:1]]) if track.closed else track.position
     station = lanes.stations(points)

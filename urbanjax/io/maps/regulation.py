@@ -28,7 +28,10 @@ class Regulation:
 
 
 def regulations(xml: Xml, relations: dict[int, Element], *, ways: dict[int, Element]) -> dict[int, Regulation]:
-    """The regulatory elements of a map by their ids; missing ways and lanelets that they name do not count."""
+    """The regulatory elements of a map by their ids; missing ways and lanelets that they name do not count.
+
+    Args: xml, the parsed file; relations and ways by their ids.
+    """
     out = {}
     for key, element in relations.items():
         stated = _tags(element)

@@ -34,7 +34,10 @@ STORED = {"f": np.float64, "i": np.int32, "b": np.bool_}
 
 
 def save(path: str | os.PathLike[str], graph: RoadGraph) -> None:
-    """Writes the graph as npz, whole or not at all. Raises FileError where the file cannot be written."""
+    """Writes the graph as npz, whole or not at all.
+
+    Args: path of the file; graph, the road graph. Raises FileError where the file cannot be written.
+    """
     arrays: dict[str, Any] = {n: np.asarray(getattr(graph, n), STORED[kind]) for n, (kind, _) in LAYOUT.items()}
     header = {
         "format": FORMAT,
@@ -58,6 +61,7 @@ def load(path: str | os.PathLike[str]) -> RoadGraph:
 
     Sizes, shapes, types, finiteness and ranges are checked before anything is computed; raises FileError with the
     file's name and the key that is wrong.
+    Args: path of the file.
     """
     path = Path(path)
     header, arrays = archive.load(path, FORMAT, version=VERSION, names=LAYOUT)

@@ -39,7 +39,8 @@ def read(xml: Xml) -> RoadMap:
     A signal is named (traffic light, link index), the first index of those that always show the same. It governs the
     end of the lane before the junction where all ways on from there show the same, otherwise the start of the links
     inside. The rule "yield" holds at the end of lanes from which every way but a turn around is a minor one, and of
-    links inside a junction that end where one waits. Raises MapError, naming the file and the element.
+    links inside a junction that end where one waits.
+    Args: xml, the parsed file. Raises MapError, naming the file and the element.
     """
     edges: dict[str, Element] = {}
     for edge in xml.root.findall("edge"):

@@ -46,6 +46,7 @@ def report(found: RoadMap) -> Validity:
     other way round), "one-sided link", "zero length", "dead end" and "dead start" (a lane inside the map that leads
     nowhere or comes from nowhere, beside which no lane goes on), "self-overlap" (a border crosses itself or the other
     one), "swapped borders", "twice" (two lanes of one centre line).
+    Args: found, the map.
     """
     graph = found.graph
     kinds = ("successors", graph.has_successor), ("conflicts", graph.has_conflict), ("stop lines", graph.has_signal)

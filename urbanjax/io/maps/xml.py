@@ -8,8 +8,6 @@ from typing import Any, no_type_check
 from xml.etree.ElementTree import Element, TreeBuilder  # what is filled; only defusedxml parses
 
 import numpy as np
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import DefusedXMLParser, ParseError
 
 from urbanjax.io.files import content
 from urbanjax.types import FileError
@@ -113,13 +111,22 @@ class Xml:
 
 
 def name(element: Element) -> str:
-    """How an error names an element: its tag and id."""
+    """How an error names an element: its tag and id.
+
+    Args: element of a parsed file.
+    """
     key = next((k for k in ("id", "ref", "k", "from") if k in element.attrib), None)
     return f"<{element.tag}>" if key is None else f'<{element.tag} {key}="{element.attrib[key][:60]}">'
 
 
 def parse(path: str | Path) -> Xml:
-    """The tree of an XML file. Raises MapError for what is no well-formed XML, holds entities or exceeds the caps."""
+    """The tree of an XML file.
+
+    Args: path of the file. Raises MapError for what is no well-formed XML, holds entities or exceeds the caps.
+    """
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import DefusedXMLParser, ParseError
+
     path = Path(path)
     data = content(path)
     if len(data) > LARGEST_FILE:

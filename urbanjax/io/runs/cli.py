@@ -23,6 +23,7 @@ def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[]
 
     `--cfg job` shows every value of `params_class`; any can be overridden (`stack.gvp.tau=1`), swept (`-m`) or set
     by a file of `configs/<name>/preset/` (`preset=smoke`). What the user got wrong ends in one line and exit code 2.
+    Args: name of the program, its presets and its runs; params_class, a pytree of its parameters.
     """
 
     def decorate(body: Body) -> Callable[[], None]:

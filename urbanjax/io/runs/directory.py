@@ -83,7 +83,10 @@ class Run:
 
 @contextlib.contextmanager
 def record(directory: Path, config: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
-    """A `Run` whose manifest is written at the end, also of a failed run, and whose directory is printed last."""
+    """A `Run` whose manifest is written at the end, also of a failed run, and whose directory is printed last.
+
+    Args: directory of the run; config, its parameters as plain values; seed of its random numbers, if it has one.
+    """
     run = Run(directory, config, seed)
     try:
         yield run
@@ -97,7 +100,10 @@ def record(directory: Path, config: Mapping[str, Any], *, seed: int | None = Non
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write `text` to `path` so that a reader sees all of it or none."""
+    """Write `text` to `path` so that a reader sees all of it or none.
+
+    Args: path of the file; text, all of it.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(temporary, "w", encoding="utf-8") as file:

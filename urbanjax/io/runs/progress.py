@@ -16,7 +16,10 @@ class Tick(Protocol):
 
 @contextlib.contextmanager
 def bar(title: str) -> Iterator[Tick]:
-    """A progress bar; call it with what is being done and the share that is done (None: not known)."""
+    """A progress bar; call it with what is being done and the share that is done (None: not known).
+
+    Args: title beside the bar.
+    """
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     columns = (
@@ -37,7 +40,10 @@ def bar(title: str) -> Iterator[Tick]:
 
 
 def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
-    """Print the table."""
+    """Print the table.
+
+    Args: title above it; columns by heading.
+    """
     from rich import box
     from rich.console import Console
     from rich.markup import escape

@@ -50,7 +50,10 @@ class Section:
 
 
 def cell(value: Any) -> str:
-    """A value as a reader wants it: few digits, a dash for nothing."""
+    """A value as a reader wants it: few digits, a dash for nothing.
+
+    Args: value of any kind.
+    """
     value = value.item() if hasattr(value, "item") else value
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
@@ -62,7 +65,10 @@ def cell(value: Any) -> str:
 
 
 def write_report(path: Path, title: str, *, sections: Sequence[Section], manifest: Mapping[str, Any]) -> None:
-    """Write the page, whole or not at all; everything that it shows is inside the file."""
+    """Write the page, whole or not at all; everything that it shows is inside the file.
+
+    Args: path of the page; title, its heading; sections in their order; manifest of the run.
+    """
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)

@@ -17,7 +17,9 @@ SCREEN = {"screen_width": 720, "screen_height": 200}
 def open_environment(name: str, **config: Any) -> Any:
     """The environment `name` with both continuous controls at 15 Hz; `reset(seed=...)` places the traffic.
 
-    Rewards are left out: some are defined for discrete actions only. Raises ConfigError for an unknown name.
+    Rewards are left out: some are defined for discrete actions only.
+    Args: name, as registered (`highway-v0`); config, values over the environment's own. Raises ConfigError for an
+    unknown name.
     """
     import gymnasium
     import highway_env  # noqa: F401  registers its environments
@@ -55,7 +57,10 @@ def _no_rewards(self: Any, action: Any) -> dict[str, float]:
 
 
 def action_of(acceleration: float, steering: float) -> np.ndarray:
-    """[2] in [-1, 1]: the action for an acceleration (m/s^2) and a road-wheel angle (rad, positive = left, y up)."""
+    """[2] in [-1, 1]: the action for an acceleration (m/s^2) and a road-wheel angle (rad, positive = left, y up).
+
+    Args: acceleration [m/s^2]; steering [rad].
+    """
     scaled = [
         (acceleration - ACCELERATION[0]) / (ACCELERATION[1] - ACCELERATION[0]),
         (-steering - STEERING[0]) / (STEERING[1] - STEERING[0]),  # the screen's y points down
@@ -66,7 +71,7 @@ def action_of(acceleration: float, steering: float) -> np.ndarray:
 def make_idm(env: Any, change_lanes: bool = True) -> None:
     """Put highway-env's IDM and MOBIL vehicle in the place and state of the ego; the other traffic stays as it is.
 
-    Args: change_lanes, false for a vehicle that keeps to its lane.
+    Args: env, an environment after its reset; change_lanes, false for a vehicle that keeps to its lane.
     """
     from highway_env.vehicle.behavior import IDMVehicle
 

@@ -82,8 +82,8 @@ def drive(
 ) -> Episode:
     """One episode of `driver` in `env`: until `duration` s, a collision, off the road where that ends it, or its end.
 
-    Args: name, of the environment and of the driver; frame_every, steps between pictures (0: none); tick, told the
-    number of steps done after each.
+    Args: env, an open environment; name, of the environment and of the driver; driver of the ego; seed of the reset;
+    duration [s]; frame_every, steps between pictures (0: none); tick, told the number of steps done after each.
     """
     env.reset(seed=seed)
     driver.start(env)

@@ -16,7 +16,7 @@ BOX = VehicleParams(length=5.0, width=2.0)  # highway-env's vehicles
 def time_to_collision(episode: Episode, steps: int | None = None) -> np.ndarray:
     """[N] s until boxes meet if all keep their velocity, per sample of the drive; inf where they never would.
 
-    Args: steps, samples to pad to, so that drives of different lengths share one compiled program.
+    Args: episode, the drive; steps, samples to pad to, so that drives of different lengths share one compiled program.
     """
     count = len(episode.time)
     if episode.others.shape[1] == 0:

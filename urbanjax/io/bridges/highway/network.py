@@ -46,10 +46,10 @@ def read_network(
     Successors follow the nodes where the lanes also meet in space: overlaps are cut and steps of up to 1.5 m blended;
     a hole of up to 12 m (the entries of roundabout-v0) becomes a link of its own, named after the entering lane with
     the following lane's node as its `to`. Neighbours are lanes beside each other in one road.
-    Args: respect_lines, no lane change across a continuous line; max_link [m], length above which the lanes of a road
-    are cut into pieces; n_points, points per link (default: one every 1.5 m of the longest curve); buckets, pad sizes
-    so that networks of a kind share one compiled program.
-    Raises RoadError for an empty network and for points that are not finite.
+    Args: network, highway-env's; respect_lines, no lane change across a continuous line; max_link [m], length above
+    which the lanes of a road are cut into pieces; n_points, points per link (None: one every 1.5 m of the longest
+    curve); buckets, pad sizes so that networks of a kind share one compiled program. Raises RoadError for an empty
+    network and for points that are not finite.
     """
     lanes = dict(network.lanes_dict())
     if not lanes:
@@ -83,7 +83,10 @@ def _bucket(size: int, buckets: tuple[int, ...]) -> int:
 
 
 def continuations(network: Any, index: tuple[str, str, int]) -> tuple[list[tuple], list[tuple]]:
-    """Lanes that go on where lane `index` ends: those that begin there, and those that begin beyond a hole."""
+    """Lanes that go on where lane `index` ends: those that begin there, and those that begin beyond a hole.
+
+    Args: network, highway-env's; index, from node, to node and lane id.
+    """
     lane, direct, bridges = network.get_lane(index), [], []
     for node, following in network.graph.get(index[1], {}).items():
         targets = {(index[1], node, i): other for i, other in enumerate(following)}

@@ -34,6 +34,7 @@ def ahead(graph: RoadGraph, start: int, *, reach: float) -> Destination:
     """The end of the road after `reach` metres along the successors of `start`, in any of its lanes.
 
     A road that leads back to its start is driven in as many laps as `reach` takes.
+    Args: graph, the road graph; start, a link; reach [m].
     """
     host = jax.tree.map(np.asarray, graph)
     link, way, seen = start, float(host.length[start]), [start]
@@ -53,7 +54,11 @@ def ahead(graph: RoadGraph, start: int, *, reach: float) -> Destination:
 
 
 def course_to(graph: RoadGraph, start: int, *, destination: Destination, params: CorridorParams) -> Course:
-    """The course from link `start` to the nearest goal. Raises RouteError where none can be reached."""
+    """The course from link `start` to the nearest goal.
+
+    Args: graph, the road graph; start, a link; destination, where the drive may end. Raises RouteError where none can
+    be reached.
+    """
     goal, cost = destination.best(start)
     if not np.isfinite(cost):
         raise RouteError(f"none of the goals {destination.goals} can be reached from link {start}")
@@ -64,7 +69,10 @@ def course_to(graph: RoadGraph, start: int, *, destination: Destination, params:
 
 
 def shared_ground(graph: RoadGraph) -> np.ndarray:
-    """[L] bool: links whose ground an oncoming lane uses too."""
+    """[L] bool: links whose ground an oncoming lane uses too.
+
+    Args: graph, the road graph.
+    """
     offset = np.abs(np.asarray(graph.opposite_offset))
     return np.any(np.asarray(graph.has_opposite) & (offset < 1.0), axis=1)
 
