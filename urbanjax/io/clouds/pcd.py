@@ -8,6 +8,7 @@ from urbanjax.io.files import content
 from urbanjax.types import FileError
 
 KINDS = {"F": "f", "I": "i", "U": "u"}
+LONGEST_LINE = 10_000  # bytes of a header's line
 SIZES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 
 
@@ -42,7 +43,7 @@ def _header(path: Path, data: bytes) -> tuple[dict[str, list[str]], bytes]:
     start = 0
     while "DATA" not in header:
         end = data.find(b"\n", start)
-        if end < 0 or end - start > 10_000:
+        if end < 0 or end - start > LONGEST_LINE:
             raise FileError(f"{path}: is no PCD file: its header has no DATA line")
         words = data[start:end].decode("ascii", "replace").split()
         start = end + 1
@@ -100,7 +101,7 @@ def _ascii(path: Path, body: bytes, count: int, row: np.dtype) -> np.ndarray:
 
 def _compressed(path: Path, body: bytes, count: int, row: np.dtype) -> np.ndarray:
     """Field by field, packed by LZF."""
-    _enough(path, len(body), 8)
+    _enough(path, len(body), 8)  # two sizes of 4 bytes
     packed, size = (int(x) for x in np.frombuffer(body, "<u4", 2))
     _enough(path, len(body) - 8, packed)
     if size != count * row.itemsize:
@@ -115,7 +116,11 @@ def _compressed(path: Path, body: bytes, count: int, row: np.dtype) -> np.ndarra
 
 
 def _unpack(path: Path, packed: bytes, size: int) -> bytes:
-    """LZF: runs of literal bytes, and references to bytes that have come out before."""
+    """LZF: runs of literal bytes, and references to bytes that have come out before.
+
+    A control byte below 32 begins a run of one more byte than it says. Any other holds the length less 2 of a reference
+    in its upper 3 bits (7: a byte with more of it follows) and the high part of the distance back in its lower 5.
+    """
     out, at = bytearray(), 0
     try:
         while at < len(packed) and len(out) <= size:

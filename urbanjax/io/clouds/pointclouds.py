@@ -41,7 +41,7 @@ def read_kitti(path: Path) -> np.ndarray:
     Args: path of the file.
     """
     data = content(path)
-    if len(data) % 16:
+    if len(data) % 16:  # four floats of 4 bytes
         raise FileError(f"{path}: {len(data)} bytes are no whole number of float32 (x, y, z, reflectance); truncated?")
     return np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(float)
 

@@ -11,7 +11,8 @@ from urbanjax.types import FileError
 
 FORMAT, VERSION = "urbanjax point-cloud map", 1
 MAX_COORDINATE = 1e5  # m from the origin
-ROUNDING = 1e-5
+RESOLUTIONS = (1e-3, 1e2)  # m
+ROUNDING = 1e-5  # by which a minor of a covariance in float32 may be negative
 
 
 def save(path: str | os.PathLike[str], points: PointMap) -> None:
@@ -46,7 +47,7 @@ def load(path: str | os.PathLike[str]) -> PointMap:
         raise FileError(f"{path}: 'header' has no number of points")
     if not isinstance(origin, list) or len(origin) != 3 or not all(archive.is_finite(x) for x in origin):
         raise FileError(f"{path}: 'header' has no origin of three finite numbers")
-    if not isinstance(resolution, int | float) or not 1e-3 <= resolution <= 1e2:
+    if not isinstance(resolution, int | float) or not RESOLUTIONS[0] <= resolution <= RESOLUTIONS[1]:
         raise FileError(f"{path}: 'header' has no resolution between 1 mm and 100 m")
     archive.expect(path, "position", array=arrays["position"], kind="f", shape=(n, 3))
     archive.expect(path, "covariance", array=arrays["covariance"], kind="f", shape=(n, 6))

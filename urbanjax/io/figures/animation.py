@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 COLOURS = 64
+SAMPLES = 8  # pictures, about, that the palette is chosen from
 MARGIN = 6  # px
 
 
@@ -19,7 +20,7 @@ def write_gif(path: Path, frames: Sequence[np.ndarray], *, rate: float) -> None:
     if not frames:
         raise ValueError(f"no frames for {path.name}")
     pictures = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
-    sample = pictures[:: max(len(pictures) // 8, 1)]
+    sample = pictures[:: max(len(pictures) // SAMPLES, 1)]
     strip = Image.new("RGB", (sample[0].width, sum(picture.height for picture in sample)))
     for i, picture in enumerate(sample):
         strip.paste(picture, (0, i * picture.height))

@@ -55,4 +55,5 @@ def shades(count: int) -> list[tuple[float, float, float, float]]:
     import matplotlib
 
     scale = matplotlib.colormaps["plasma"]
+    # The ends of the scale are too dark and too bright on white.
     return [scale(0.05 + 0.75 * i / max(count - 1, 1)) for i in range(count)]

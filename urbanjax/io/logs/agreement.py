@@ -8,8 +8,13 @@ from urbanjax.io.logs.format import LogFormat, fitting
 from urbanjax.io.logs.record import LogError, VehicleLog
 
 WINDOW = 1.0  # s over which speeds are compared
+TYPICAL = 0.9  # quantile of distances that a moving vehicle's are held against
 MOVING = 0.3  # of the 90 % quantile of distances: windows with less do not count
 ASTRAY = 0.5  # rad, of a heading from the way, of which a note is made
+ANY_WAY = 1e-6  # m in a window: less is rounding
+FAR_ENOUGH = 1.0  # m in a window, from which its direction counts
+FEWEST = 3  # windows that a median says something of
+QUARTERS, WINDOWS = 4, 5  # parts of a log that are looked at one by one; windows that it has at least
 STILL = 1e-6  # m/s, of a stated speed that says nothing
 
 
@@ -47,8 +52,8 @@ def _checked(log: VehicleLog, ratio: float, form: LogFormat, column: str) -> flo
 def _uneven(log: VehicleLog, form: LogFormat, at: np.ndarray, ratios: np.ndarray) -> list[str]:
     """Notes of the quarters of a log whose speed is in another unit, or wrong."""
     notes = []
-    for part in np.array_split(np.arange(len(ratios)), 4):
-        ratio = float(np.median(ratios[part])) if len(part) >= 3 else 1.0
+    for part in np.array_split(np.arange(len(ratios)), QUARTERS):
+        ratio = float(np.median(ratios[part])) if len(part) >= FEWEST else 1.0
         if not 1 / form.speed_factor**2 <= ratio <= form.speed_factor**2:
             first, last = np.asarray(log.rows)[at[part[[0, -1]]]]
             notes.append(f"rows {first} to {last}: the stated speed is {ratio:.3g} times that of the positions")
@@ -74,8 +79,8 @@ def speed_ratios(log: VehicleLog) -> tuple[np.ndarray, np.ndarray]:
     whole = lost[np.minimum(at[1:] + 1, log.n)] == lost[at[:-1]]
     distance = np.hypot(*np.diff(log.position[at], axis=0).T)
     way = np.diff(stated[at])
-    moving = whole & (distance > max(MOVING * float(np.quantile(distance, 0.9)), 1e-6)) & (way > STILL)
-    return (at[:-1][moving], way[moving] / distance[moving]) if moving.sum() >= 3 else none
+    moving = whole & (distance > max(MOVING * float(np.quantile(distance, TYPICAL)), ANY_WAY)) & (way > STILL)
+    return (at[:-1][moving], way[moving] / distance[moving]) if moving.sum() >= FEWEST else none
 
 
 def _astray(log: VehicleLog) -> list[str]:
@@ -86,8 +91,8 @@ def _astray(log: VehicleLog) -> list[str]:
     first, last = np.arange(0, log.n - size, size), np.arange(size, log.n, size)
     way = log.position[last] - log.position[first]
     distance = np.hypot(*way.T)
-    moving = np.isfinite(log.heading[(first + last) // 2]) & (distance > 1.0)
-    if moving.sum() < 3:
+    moving = np.isfinite(log.heading[(first + last) // 2]) & (distance > FAR_ENOUGH)
+    if moving.sum() < FEWEST:
         return []
     off = log.heading[(first + last) // 2] - np.arctan2(way[:, 1], way[:, 0])
     angle = float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))[moving]))
@@ -97,4 +102,4 @@ def _astray(log: VehicleLog) -> list[str]:
 
 def _size(log: VehicleLog) -> int:
     """Samples in a window, of which the log has five or more if it can."""
-    return int(np.clip(np.ceil(WINDOW / np.median(np.diff(log.time))), 1, max((log.n - 1) // 5, 1)))
+    return int(np.clip(np.ceil(WINDOW / np.median(np.diff(log.time))), 1, max((log.n - 1) // WINDOWS, 1)))

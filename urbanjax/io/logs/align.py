@@ -18,6 +18,11 @@ SHAPE = 64  # points of a path that is held against the line
 OFFSETS = 180  # places of the line at which it may begin
 SLIDES = 12  # places of the path at which the line may begin, where the path is the longer one
 SOON = 12  # iterations after which starts that lead to one frame are one
+CANDIDATES = 20  # times the starts: best fits of one guess that are sifted for unlike frames
+FEWEST = 8  # points of a path
+LONGER = 1.01  # times the window: a path so long slides along the line
+CLOSE = 1e-4  # of the extent: an rms as small is as good as any
+SPREAD = 5  # times the best rms: frames nearer to each other than that are one
 COARSE = 600  # points with which starts are refined
 FINE = 8000  # points of the result
 
@@ -85,7 +90,7 @@ def align(
     limits = (1 / params.scale_limit, params.scale_limit)
     total = sum(curve.length for curve in curves)
     coarse, fine = (
-        np.concatenate([curve.at(along(curve, max(int(n * curve.length / total), 8))) for curve in curves])
+        np.concatenate([curve.at(along(curve, max(int(n * curve.length / total), FEWEST))) for curve in curves])
         for n in (COARSE, FINE)
     )
     tree = cKDTree(course.points)
@@ -126,7 +131,7 @@ def _starts(
     guesses = {1.0, float(np.clip(course.length / lead.length, *limits))}
     for guess in sorted(guesses):
         window = min(lead.length * guess, course.length)
-        slides = np.linspace(0.0, lead.length - window / guess, SLIDES if lead.length * guess > window * 1.01 else 1)
+        slides = np.linspace(0.0, lead.length - window / guess, SLIDES if lead.length * guess > window * LONGER else 1)
         offsets = np.linspace(0.0, course.length if course.closed else course.length - window, OFFSETS)
         station = np.linspace(0.0, window, SHAPE)
         shape = lead.at(slides[:, None] + station / guess)  # [slides, SHAPE, 2]
@@ -134,7 +139,7 @@ def _starts(
         for part in (parts, parts[:, ::-1])[: 2 if params.backwards else 1]:
             for mirrored in mirrors(params.reflection):
                 factor, translation, rms = fit(shape[:, None], part[None], reflected=mirrored, scale=limits)
-                order = np.argsort(rms, axis=None)[: 20 * params.starts]
+                order = np.argsort(rms, axis=None)[: CANDIDATES * params.starts]
                 found += [
                     (float(r), frame(complex(f), complex(t), reflected=mirrored))
                     for r, f, t in zip(*(a.flat[order] for a in (rms, factor, translation)), strict=True)
@@ -165,10 +170,11 @@ def _judged(
     mapped = best.apply(points)
     distance = feet(mapped, course, tree=tree)[1]
     median, p95 = (float(q) for q in np.quantile(distance, [0.5, 0.95]))
+    # Per cent of the line, by the pieces that have a point beside them.
     beside = np.unique(np.asarray(tree.query(mapped)[1]) * 100 // len(course.points))
-    differ = max(params.apart * course.extent, 5 * rms)
+    differ = max(params.apart * course.extent, SPREAD * rms)
     second = min((s.rms for s in starts if s.off > differ), default=float("inf"))
-    ambiguous = second <= max(params.margin * rms, 1e-4 * course.extent)
+    ambiguous = second <= max(params.margin * rms, CLOSE * course.extent)
     words = f"rms {rms:.2f} m, median {median:.2f} m, 95 % within {p95:.2f} m, {len(beside)} % of the line met"
     if ambiguous:
         words += f"; ambiguous: another frame does about as well (rms {second:.2f} m): give pairs of points"

@@ -7,6 +7,7 @@ from urbanjax.io.logs.frame import Frame, apart, fit, frame
 from urbanjax.io.logs.line import LogLine
 
 SETTLED = 1e-6  # of the line's extent: a step that moves points by less is the last
+SINGULAR = 1e-9  # of the largest singular value: what the points do not fix stays as it is
 SLIDES = 15  # most steps that let points slide along the line
 
 
@@ -81,7 +82,7 @@ def _across(
     if limits[0] < limits[1]:
         columns.append(np.sum(normal * arm, -1))
     off = np.sum(normal * (foot - mapped)[nearest], -1)
-    x, y, rotation, *growth = np.linalg.lstsq(np.stack(columns, -1), off, rcond=1e-9)[0]
+    x, y, rotation, *growth = np.linalg.lstsq(np.stack(columns, -1), off, rcond=SINGULAR)[0]
     scale = float(np.clip(here.scale * (1 + (growth[0] if growth else 0.0)), *limits))
     after = Frame(scale, here.reflected, here.rotation + float(rotation), (0.0, 0.0))
     # Turned and scaled about the middle of the points, which then moves by (x, y).

@@ -7,6 +7,8 @@ import numpy as np
 
 from urbanjax.io.logs.record import LogError, VehicleLog
 
+TINY = 1e-300  # keeps a quotient of zeros at zero
+
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
@@ -68,8 +70,8 @@ def fit(
     middle_a, middle_b = a.mean(-1, keepdims=True), b.mean(-1, keepdims=True)
     a0, b0 = a - middle_a, b - middle_b
     cross, size = np.sum(a0.conj() * b0, -1), np.sum(np.abs(a0) ** 2, -1)
-    rotation = np.where(np.abs(cross) > 0, cross / np.maximum(np.abs(cross), 1e-300), 1.0)
-    factor = rotation * np.clip(np.abs(cross) / np.maximum(size, 1e-300), *scale)
+    rotation = np.where(np.abs(cross) > 0, cross / np.maximum(np.abs(cross), TINY), 1.0)
+    factor = rotation * np.clip(np.abs(cross) / np.maximum(size, TINY), *scale)
     rms = np.sqrt(np.mean(np.abs(factor[..., None] * a0 - b0) ** 2, -1))
     return np.asarray(factor), np.asarray(middle_b[..., 0] - factor * middle_a[..., 0]), np.asarray(rms)
 

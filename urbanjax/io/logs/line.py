@@ -41,7 +41,7 @@ class LogLine:
             np.concatenate([points[-1:], points, points[:1]]) if closed else np.pad(points, ((1, 1), (0, 0)), "edge")
         )
         tangent = around[2:] - around[:-2]
-        tangent = tangent / np.maximum(np.hypot(*tangent.T), 1e-300)[:, None]
+        tangent = tangent / np.maximum(np.hypot(*tangent.T), 1e-300)[:, None]  # a point without direction gets none
         reach = np.full(POINTS, float(station[-1]) / POINTS)
         behind, ahead = -reach, reach.copy()
         if not closed:

@@ -20,6 +20,11 @@ class QualityParams:
     moving_speed: float = static(default=1.0)  # m/s
 
 
+MIDDLE = (0.01, 0.99)  # quantiles of positions between which a log's extent is taken
+STILL = 1e-6  # m/s, of a stated speed that says nothing
+COARSE = 0.01  # m, step of positions from which it is worth a word
+ABOUT = (-1.0, 1.0)  # s, around a sample, between which its way is taken
+
 DEFAULT = QualityParams()
 
 
@@ -63,7 +68,7 @@ def quality(log: VehicleLog, params: QualityParams = DEFAULT) -> Quality:
     step = np.hypot(*np.diff(log.position, axis=0).T)
     again = step <= params.same
     held = stuck(log, params)
-    low, high = np.quantile(log.position, [0.01, 0.99], axis=0)
+    low, high = np.quantile(log.position, MIDDLE, axis=0)
     frozen = float(np.hypot(*(high - low))) < params.frozen_extent
     counts = np.unique(log.position, axis=0, return_counts=True)[1]
     measured = raw(log)
@@ -85,7 +90,7 @@ def quality(log: VehicleLog, params: QualityParams = DEFAULT) -> Quality:
         duplicated=int((again & (period <= 0)).sum()),
         longest_stuck=_longest(log.time, held[1:]),
         frozen=frozen,
-        dead_speed=bool(not frozen and speed is not None and len(speed) and speed.max() <= 1e-6),
+        dead_speed=bool(not frozen and speed is not None and len(speed) and speed.max() <= STILL),
         verdict="",
     )
     return dataclasses.replace(
@@ -109,17 +114,17 @@ def _verdict(q: Quality, params: QualityParams, fastest: float) -> str:
         says.append(f"{q.duplicated} samples are there twice")
     if q.interpolated:
         says.append(f"{100 * q.interpolated_share:.0f} % of the samples are interpolated: keep the raw ones only")
-    if q.resolution > 0.01:
+    if q.resolution > COARSE:
         says.append(f"positions in steps of {q.resolution:g} m")
     return "; ".join(says) or "nothing against it"
 
 
 def _moving(log: VehicleLog, params: QualityParams) -> np.ndarray:
     """Which samples [n] the vehicle moves at: by the stated speed, or the way over two seconds about them."""
-    around = [np.interp(log.time + shift, log.time, axis) for axis in log.position.T for shift in (-1.0, 1.0)]
+    around = [np.interp(log.time + lag, log.time, axis) for axis in log.position.T for lag in ABOUT]
     way = np.hypot(around[1] - around[0], around[3] - around[2])
-    by_way = way > 2 * params.moving_speed
-    if log.speed is None or not np.any(np.abs(np.nan_to_num(log.speed)) > 1e-6):
+    by_way = way > (ABOUT[1] - ABOUT[0]) * params.moving_speed
+    if log.speed is None or not np.any(np.abs(np.nan_to_num(log.speed)) > STILL):
         return by_way
     return np.where(np.isfinite(log.speed), np.abs(log.speed) > params.moving_speed, by_way)
 

@@ -10,6 +10,7 @@ from urbanjax.io.logs.record import LogError, VehicleLog
 from urbanjax.io.logs.sampling import raw
 
 MOST = 5_000_000  # samples of a result
+ROUNDING = 1e-9  # of a step (a gap, m): within it a value is at the place
 
 
 @no_type_check
@@ -54,7 +55,7 @@ def by_time(log: VehicleLog, period: float, *, longest_gap: float = 1.0, raw_onl
     _bounded((used.time[-1] - used.time[0]) / period, log)
     found = []
     for part in _parts(used, longest_gap):
-        first, last = np.ceil(part.time[0] / period - 1e-9), np.floor(part.time[-1] / period + 1e-9)
+        first, last = np.ceil(part.time[0] / period - ROUNDING), np.floor(part.time[-1] / period + ROUNDING)
         index = np.arange(first, last + 1)
         found.append((part, index.astype(int), np.clip(index * period, part.time[0], part.time[-1]), part.time))
     made = _joined(log, used, found, longest_gap, interpolated, 0)
@@ -76,12 +77,12 @@ def by_length(
     _positive(spacing=spacing, longest_gap=longest_gap)
     found, still = [], 0
     for part in _parts(used, longest_gap):
-        kept = moved(part.position, max(standing, 1e-9))
+        kept = moved(part.position, max(standing, ROUNDING))
         still += int((~kept).sum())
         part = part.take(kept)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(part.position, axis=0).T))])
         _bounded(way[-1] / spacing, log)
-        index = np.arange(int(np.floor(way[-1] / spacing + 1e-9)) + 1)
+        index = np.arange(int(np.floor(way[-1] / spacing + ROUNDING)) + 1)
         found.append((part, index, np.minimum(index * spacing, way[-1]), way))
     return _joined(log, used, found, longest_gap, interpolated, still)
 
@@ -109,7 +110,7 @@ def _bounded(count: float, log: VehicleLog) -> None:
 
 
 def _parts(log: VehicleLog, longest_gap: float) -> list[VehicleLog]:
-    cuts = np.flatnonzero(np.diff(log.time) > longest_gap * (1 + 1e-9)) + 1
+    cuts = np.flatnonzero(np.diff(log.time) > longest_gap * (1 + ROUNDING)) + 1
     return [log.take(which) for which in np.split(np.arange(log.n), cuts)]
 
 
@@ -129,7 +130,7 @@ def _joined(
         )
     parts = [_at(part, at, known) for part, _, at, known in whole]
     step = np.diff(used.time)
-    gaps = step[step > longest_gap * (1 + 1e-9)]
+    gaps = step[step > longest_gap * (1 + ROUNDING)]
 
     def joined(name: str) -> np.ndarray | None:
         values = [getattr(part, name) for part in parts]

@@ -11,6 +11,10 @@ ON_GRID = 1e-4  # of a step: coordinates so near to its multiples lie on them
 AT_LEAST = 0.15  # share of samples on a grid that is one
 CLEAR = 1.5  # times the share that lies on a grid by chance; twice that share is what a true grid has
 ENOUGH = 10_000  # samples that show a grid
+FEWEST = 0.02  # share of samples in line with their neighbours below which it is chance
+ROUNDING = 1e-9  # of coordinates, and m: offsets from a line that are none
+MOVES = 1e-6  # m between two samples: less is no way that a third could lie on
+INSTANT = 1e-9  # s: two samples nearer in time are at one
 MOST = 0.98  # share of samples above which a pattern tells nothing
 
 
@@ -51,7 +55,7 @@ def raw(log: VehicleLog) -> np.ndarray:
         on = _on_grid(log.position, step)
         return on if on.mean() < MOST else np.ones(log.n, bool)
     off = in_line(log)
-    return ~off if 0.02 < off.mean() < MOST else np.ones(log.n, bool)
+    return ~off if FEWEST < off.mean() < MOST else np.ones(log.n, bool)
 
 
 def in_line(log: VehicleLog) -> np.ndarray:
@@ -62,11 +66,11 @@ def in_line(log: VehicleLog) -> np.ndarray:
     flag = np.zeros(log.n, bool)
     if log.n < 3:
         return flag
-    share = (log.time[1:-1] - log.time[:-2]) / np.maximum(log.time[2:] - log.time[:-2], 1e-12)
+    share = (log.time[1:-1] - log.time[:-2]) / np.maximum(log.time[2:] - log.time[:-2], 1e-12)  # s, never 0
     between = log.position[:-2] + share[:, None] * (log.position[2:] - log.position[:-2])
     off = np.abs(log.position[1:-1] - between).max(1)
-    size = 1e-9 * np.abs(log.position).max() + 1e-9
-    flag[1:-1] = (off <= size) & (np.abs(log.position[2:] - log.position[:-2]).max(1) > 1e-6)
+    size = ROUNDING * np.abs(log.position).max() + ROUNDING
+    flag[1:-1] = (off <= size) & (np.abs(log.position[2:] - log.position[:-2]).max(1) > MOVES)
     return flag
 
 
@@ -86,6 +90,6 @@ def roughness(log: VehicleLog) -> float:
         for k in range(4):
             if k != j:
                 gap = t[:, j] - t[:, k]
-                weight[:, j] *= (now[:, 0] - t[:, k]) / np.where(np.abs(gap) > 1e-9, gap, np.inf)
+                weight[:, j] *= (now[:, 0] - t[:, k]) / np.where(np.abs(gap) > INSTANT, gap, np.inf)
     off = np.linalg.norm(here - np.einsum("nj,njd->nd", weight, p), axis=-1)
     return float(np.median(off / np.sqrt(1 + (weight**2).sum(1))))

@@ -9,6 +9,7 @@ from urbanjax.io.maps.road import MapLane
 from urbanjax.roadmap.builders.curves import normal
 
 KNOTS = 2.0  # m, between the points through which a link's centre line is drawn
+TINY = 1e-9  # m, keeps directions of steps without length finite
 SHORTEST = 0.1  # m, lanes below have no direction
 NARROWEST, WIDEST = 0.1, 50.0  # m
 
@@ -66,9 +67,9 @@ def borders(centre: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
     Args: centre [n, 2] m; width [m].
     """
     step = np.diff(centre, axis=0)
-    unit = step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    unit = step / np.maximum(np.hypot(*step.T), TINY)[:, None]
     along = np.concatenate([unit[:1], unit[1:] + unit[:-1], unit[-1:]])
-    along = along / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    along = along / np.maximum(np.hypot(*along.T), TINY)[:, None]
     aside = 0.5 * width * np.stack([-along[:, 1], along[:, 0]], -1)
     return centre + aside, centre - aside
 

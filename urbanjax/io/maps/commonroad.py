@@ -9,10 +9,11 @@ import numpy as np
 from urbanjax.io.maps.lanes import assemble, may_cross
 from urbanjax.io.maps.obstacles import planning_problems, recording
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
-from urbanjax.io.maps.xml import Element, Xml
+from urbanjax.io.maps.xml import FARTHEST, LASTS, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
 
+STEPS = (1e-4, 1e3)  # s, a time step
 VERSIONS = ("2018b", "2020a")
 SPEED_SIGNS = {"274", "274.1", "R2-1", "r301", "3.24", "C43", "B14", "R32", "B31"}  # maximum speed, by country
 STOP_SIGNS = {"206", "R1-1", "r2"}
@@ -37,7 +38,7 @@ def read(xml: Xml) -> RoadMap:
     version = xml.root.get("commonRoadVersion")
     if version not in VERSIONS:
         raise xml.fail(xml.root, f"commonRoadVersion is {version!r}, expected one of {', '.join(VERSIONS)}")
-    dt = xml.number(xml.root, xml.attribute(xml.root, "timeStepSize"), "timeStepSize", 1e-4, 1e3)
+    dt = xml.number(xml.root, xml.attribute(xml.root, "timeStepSize"), "timeStepSize", *STEPS)
     signs = {xml.id(sign): sign for sign in xml.root.findall("trafficSign")}
     lights = {xml.id(light): light for light in xml.root.findall("trafficLight") if _active(light)}
     turns = _turns(xml)
@@ -188,7 +189,7 @@ def _stop_line(xml: Xml, lanelet: Element) -> np.ndarray | None:
 def _speed(xml: Xml, element: Element, text: str, what: str) -> float:
     text = text.strip()
     unit = next((unit for unit in UNITS if text.endswith(unit)), "")
-    return xml.number(element, text.removesuffix(unit), what, 0.1, 1e3) * UNITS.get(unit, 1.0)
+    return xml.number(element, text.removesuffix(unit), what, *SPEED_LIMITS) * UNITS.get(unit, 1.0)
 
 
 def _active(light: Element) -> bool:
@@ -209,10 +210,10 @@ def _cycle(xml: Xml, light: Element, dt: float) -> SignalCycle | None:
         return None
     durations, states = [], []
     for phase in cycle.findall("cycleElement"):
-        durations.append(xml.number(light, xml.text(phase, "duration", light), "duration", 0.0, 1e6) * dt)
+        durations.append(xml.number(light, xml.text(phase, "duration", light), "duration", 0.0, LASTS) * dt)
         colour = xml.text(phase, "color", light)
         states.append(int(COLOURS.get(colour, SignalState.GREEN if colour == "green" else SignalState.UNKNOWN)))
-    offset = xml.number(light, cycle.findtext("timeOffset", "0"), "timeOffset", 0.0, 1e8) * dt
+    offset = xml.number(light, cycle.findtext("timeOffset", "0"), "timeOffset", 0.0, FARTHEST) * dt
     if sum(durations) <= 0:
         raise xml.fail(light, "its cycle has no duration")
     return SignalCycle(tuple(durations), tuple(states), offset)

@@ -10,10 +10,12 @@ from urbanjax.io.maps.geodesy import transverse_mercator
 from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.regulation import Regulation, regulations
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
-from urbanjax.io.maps.xml import Element, Xml
+from urbanjax.io.maps.xml import ID, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.builders.relations import project
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 
+POLAR = 85.0  # deg, latitude beyond which the projection is of no use
+APART = 1.0  # deg, from the middle of a map to its farthest node
 ROADS = {"road", "highway", "play_street", "exit"}  # subtypes that cars may use unless a participant tag says otherwise
 TURNS = {"left": Turn.LEFT, "right": Turn.RIGHT, "straight": Turn.STRAIGHT, "u_turn": Turn.U_TURN}
 UNITS = {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704, "m/s": 1.0, "mps": 1.0}  # without a unit: km/h
@@ -98,7 +100,7 @@ def members(xml: Xml, relation: Element, *, kind: str, role: str) -> list[int]:
     Args: xml, the parsed file; relation, whose members they are; kind, their type; role, theirs.
     """
     found = [m for m in relation.findall("member") if m.get("type") == kind and m.get("role") == role]
-    return [xml.integer(relation, xml.attribute(m, "ref"), "ref", low=-(2**53)) for m in found]
+    return [xml.integer(relation, xml.attribute(m, "ref"), "ref", low=-ID) for m in found]
 
 
 def _cars(stated: dict[str, str]) -> bool:
@@ -113,9 +115,7 @@ def _cars(stated: dict[str, str]) -> bool:
 def _nodes(xml: Xml, way: int, ways: dict[int, Element]) -> tuple[int, ...]:
     if way not in ways:
         raise xml.fail(xml.root, f"the way {way} is missing, which a relation names")
-    return tuple(
-        xml.integer(ways[way], xml.attribute(nd, "ref"), "ref", low=-(2**53)) for nd in ways[way].findall("nd")
-    )
+    return tuple(xml.integer(ways[way], xml.attribute(nd, "ref"), "ref", low=-ID) for nd in ways[way].findall("nd"))
 
 
 def _places(xml: Xml, used: set[int]) -> tuple[dict[int, np.ndarray], tuple[float, float] | None]:
@@ -137,11 +137,11 @@ def _places(xml: Xml, used: set[int]) -> tuple[dict[int, np.ndarray], tuple[floa
             xml.points(node, [pair], "local_x, local_y")[0] for node, pair in zip(nodes.values(), pairs, strict=True)
         ]
         return dict(zip(nodes, rows, strict=True)), None
-    latitude = np.array([xml.number(n, xml.attribute(n, "lat"), "lat", -85.0, 85.0) for n in nodes.values()])
+    latitude = np.array([xml.number(n, xml.attribute(n, "lat"), "lat", -POLAR, POLAR) for n in nodes.values()])
     longitude = np.array([xml.number(n, xml.attribute(n, "lon"), "lon", -180.0, 180.0) for n in nodes.values()])
     north, east = (round(float(0.5 * (x.min() + x.max())), 6) for x in (latitude, longitude))
     middle = (north, east)
-    off = np.maximum(np.abs(latitude - middle[0]), np.abs(longitude - middle[1])) > 1.0
+    off = np.maximum(np.abs(latitude - middle[0]), np.abs(longitude - middle[1])) > APART
     if np.any(off):
         raise xml.fail(list(nodes.values())[int(np.argmax(off))], "lies more than a degree from the middle of the map")
     x, y = transverse_mercator(latitude, longitude, middle=middle)
@@ -260,7 +260,7 @@ def _limit(xml: Xml, element: Element, stated: dict[str, str], default: float | 
     if text is None:
         return default
     unit = next((unit for unit in UNITS if text.strip().endswith(unit)), "")
-    return xml.number(element, text.strip().removesuffix(unit), "speed_limit", 0.1, 1e3) * UNITS.get(unit, 1 / 3.6)
+    return xml.number(element, text.strip().removesuffix(unit), "speed_limit", *SPEED_LIMITS) * UNITS.get(unit, 1 / 3.6)
 
 
 def _stop(rule: Regulation, lines: dict[int, np.ndarray], part: Lanelet) -> np.ndarray | None:

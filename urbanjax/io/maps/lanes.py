@@ -22,7 +22,9 @@ GAP = 3.0  # m from a lane's end to its successor's start, beyond which the link
 TURNING = np.radians(30.0)  # change of heading from which a link of a fork turns
 BACK = np.radians(150.0)  # and from which it turns back
 MOST_LANES = 20_000
-DEFAULT_LIMIT = {RoadType.HIGHWAY: 120 / 3.6, RoadType.RAMP: 80 / 3.6}  # m/s, where a map has none; else 50 km/h
+DEFAULT_LIMIT = {RoadType.HIGHWAY: 120 / 3.6, RoadType.RAMP: 80 / 3.6}  # m/s, where a map has none
+TOWN = 50 / 3.6  # m/s, where a map has none, on all other roads
+REACH = 10.0  # m from a lane, within which a stop line is its own
 
 
 def assemble(path: Path, form: str, *, lanes: Sequence[MapLane], gap: float = GAP, **rest: Any) -> RoadMap:
@@ -88,7 +90,7 @@ def _spec(lane: MapLane, line: CentreLine, stated: dict[str, Any]) -> builders.L
         centre=line.centre,
         heading=line.heading,
         width=line.width,
-        speed_limit=lane.speed_limit or DEFAULT_LIMIT.get(lane.road_type or RoadType.URBAN, 50 / 3.6),
+        speed_limit=lane.speed_limit or DEFAULT_LIMIT.get(lane.road_type or RoadType.URBAN, TOWN),
         road_type=lane.road_type,
         area=lane.area,
         **stated,
@@ -227,4 +229,4 @@ def _stop(line: CentreLine, at: np.ndarray | None) -> float | None:
     share = np.clip(((at - a) * d).sum(-1) / (d * d).sum(-1), 0.0, 1.0)
     away = np.hypot(*(a + share[:, None] * d - at).T)
     k = int(away.argmin())
-    return float(station[k] + share[k] * (station[k + 1] - station[k])) if away[k] < 10.0 else None
+    return float(station[k] + share[k] * (station[k + 1] - station[k])) if away[k] < REACH else None

@@ -12,6 +12,8 @@ from urbanjax.sim.recording import RecordedTrack, Recording, record
 MOST_STATES = 5_000_000  # road users times time steps
 LONGEST = 1e6  # time steps
 SPEEDS = 500.0  # m/s
+ANGLES = 1e3  # rad
+SIZES, WIDEST = (1e-3, 1e3), 1e5  # m, of road users; of regions at most
 OBSTACLES = ("obstacle", "dynamicObstacle", "staticObstacle")
 
 
@@ -57,7 +59,7 @@ def _state(xml: Xml, owner: Element, state: Element) -> tuple[float, float, floa
     step = _middle(xml, owner, state, "time", 0.0, LONGEST)
     (x, y) = _place(xml, owner, xml.child(state, "position"))
     speed = 0.0 if state.find("velocity") is None else _middle(xml, owner, state, "velocity", -SPEEDS, SPEEDS)
-    return float(round(step)), x, y, _middle(xml, owner, state, "orientation", -1e3, 1e3), speed
+    return float(round(step)), x, y, _middle(xml, owner, state, "orientation", -ANGLES, ANGLES), speed
 
 
 def _place(xml: Xml, owner: Element, position: Element) -> tuple[float, float]:
@@ -97,16 +99,16 @@ def _shape(xml: Xml, element: Element) -> tuple[float, float]:
     rectangle, circle, polygon = (shape.find(tag) for tag in ("rectangle", "circle", "polygon"))
     if rectangle is not None:
         length, width = (
-            xml.number(element, xml.text(rectangle, tag, element), tag, 1e-3, 1e3) for tag in ("length", "width")
+            xml.number(element, xml.text(rectangle, tag, element), tag, *SIZES) for tag in ("length", "width")
         )
         return length, width
     if circle is not None:
-        radius = xml.number(element, xml.text(circle, "radius", element), "radius", 1e-3, 1e3)
+        radius = xml.number(element, xml.text(circle, "radius", element), "radius", *SIZES)
         return 2 * radius, 2 * radius
     points = _polygon(xml, element, polygon) if polygon is not None else np.zeros((0, 2))
     if len(points) < 3:
         raise xml.fail(element, "its shape is no rectangle, circle or polygon")
-    length, width = np.maximum(np.ptp(points, axis=0), 1e-3)
+    length, width = np.maximum(np.ptp(points, axis=0), SIZES[0])
     return float(length), float(width)
 
 
@@ -147,7 +149,7 @@ def _goal(xml: Xml, owner: Element, state: Element, dt: float, found: RoadMap) -
         regions=() if position is None else tuple(_regions(xml, owner, position, found.graph.origin)),
         time=interval("time", LONGEST, dt),
         speed=interval("velocity", SPEEDS),
-        heading=interval("orientation", 1e3),
+        heading=interval("orientation", ANGLES),
     )
 
 
@@ -160,9 +162,9 @@ def _regions(xml: Xml, owner: Element, position: Element, origin: tuple[float, f
             x, y = (0.0 if centre is None else xml.number(owner, xml.text(centre, axis, owner), axis) for axis in "xy")
             sizes = {"rectangle": ("length", "width"), "circle": ("radius",)}[shape.tag]
             size: dict[str, Any] = {
-                key: xml.number(owner, xml.text(shape, key, owner), key, 1e-3, 1e5) for key in sizes
+                key: xml.number(owner, xml.text(shape, key, owner), key, SIZES[0], WIDEST) for key in sizes
             }
-            heading = xml.number(owner, shape.findtext("orientation", "0"), "orientation", -1e3, 1e3)
+            heading = xml.number(owner, shape.findtext("orientation", "0"), "orientation", -ANGLES, ANGLES)
             out.append(Region((x - origin[0], y - origin[1]), heading, **size))
         elif shape.tag == "polygon":
             corners = _polygon(xml, owner, shape) - np.asarray(origin)

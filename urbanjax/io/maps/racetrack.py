@@ -29,6 +29,11 @@ CLOSING = 20.0  # m, from the last point to the first, up to which a track is a 
 TIGHTEST = 2.0  # m, radius of the centre line
 INNER = 0.9  # of the radius: the border on the inside of a bend stays so near
 NARROWEST = 1.0  # m, width of a track
+SAME = 1e-3  # m, between points that are one
+FEWEST = 4  # points of a track
+STEPS = 3  # times the median step, as CLOSING
+SLOW = 0.05  # m of the curve per m of the line through the points: less, and it turns on the spot
+STEADY = 10  # times: a change of bend from point to point counts as that much bend, where the track is cut
 GRID = 1.0  # m, between points of the borders
 SMOOTHING = 5.0  # m to either side, over which the widths are smoothed
 SECTION = 80.0  # m, length of a link
@@ -99,8 +104,10 @@ def parse(path: Path) -> Racetrack:
     data_rows = [(k, row) for k, row in rows if row and not row.startswith("#")]
     if len(data_rows) > MOST_ROWS:
         raise MapError(f"{path}: line {data_rows[MOST_ROWS][0]}: more than {MOST_ROWS} rows")
-    if len(data_rows) < 4:
-        raise MapError(f"{path}: line {rows[-1][0] if rows else 1}: {len(data_rows)} points, a track has 4 or more")
+    if len(data_rows) < FEWEST:
+        raise MapError(
+            f"{path}: line {rows[-1][0] if rows else 1}: {len(data_rows)} points, a track has {FEWEST} or more"
+        )
     separator = ";" if ";" in data_rows[0][1] else ","
     place, size = _columns(path, [row for _, row in rows if row.startswith("#")], data_rows[0], separator)
     values = np.array([_numbers(path, k, row.split(separator), place, size) for k, row in data_rows])
@@ -112,14 +119,14 @@ def parse(path: Path) -> Racetrack:
             f"{path}: line {line[k]}, columns x and y: {step[k - 1]:.0f} m from the point before, "
             f"more than {LONGEST_STEP:.0f}"
         )
-    keep = np.concatenate([[True], step > 1e-3])
+    keep = np.concatenate([[True], step > SAME])
     values, line = values[keep], line[keep]
     gap = float(np.hypot(*(values[0] - values[-1])[:2]))
-    again = int(gap < 1e-3 and len(values) > 1)  # some files end with the point that they began with
+    again = int(gap < SAME and len(values) > 1)  # some files end with the point that they began with
     values, line = values[: len(values) - again], line[: len(line) - again]
-    if len(values) < 4:
-        raise MapError(f"{path}: line {line[-1]}: {len(values)} different points, a track has 4 or more")
-    closed = gap < max(CLOSING, 3 * float(np.median(step)))
+    if len(values) < FEWEST:
+        raise MapError(f"{path}: line {line[-1]}: {len(values)} different points, a track has {FEWEST} or more")
+    closed = gap < max(CLOSING, STEPS * float(np.median(step)))
     return Racetrack(values[:, :2], values[:, 2], values[:, 3], line, closed)
 
 
@@ -186,7 +193,7 @@ def borders(path: Path, track: Racetrack) -> tuple[np.ndarray, np.ndarray]:
     grid = np.linspace(0.0, station[-1], max(math.ceil(station[-1] / GRID), 8) + 1)
     position, tangent, bend = curve(grid), curve(grid, 1), curve(grid, 2)
     speed = np.hypot(*tangent.T)
-    tight = (speed < 0.05) | (np.abs(tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) > speed**3 / TIGHTEST)
+    tight = (speed < SLOW) | (np.abs(tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) > speed**3 / TIGHTEST)
     if tight.any():
         k = int(np.searchsorted(station, grid[np.argmax(tight)]).clip(0, len(track.line) - 1))
         raise MapError(
@@ -218,7 +225,7 @@ def _breaks(middle: np.ndarray) -> np.ndarray:
     """
     heading = np.unwrap(np.arctan2(*np.gradient(middle, axis=0).T[::-1]))
     bend = np.gradient(heading)
-    unrest = np.abs(bend) + 10 * np.abs(np.gradient(bend))
+    unrest = np.abs(bend) + STEADY * np.abs(np.gradient(bend))
     count = max(round(len(middle) * GRID / SECTION), 3)
     even = np.linspace(0, len(middle) - 1, count + 1).astype(int)
     reach = max((even[1] - even[0]) // 4, 1)

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Hashable
 from typing import no_type_check
 
-from urbanjax.io.maps.xml import Element, Xml
+from urbanjax.io.maps.xml import ID, Element, Xml
 from urbanjax.roadmap.graph import Rule
 
 STOP_SIGNS = {"stop_sign", "de206", "usR1-1", "stop"}
@@ -40,7 +40,7 @@ def regulations(xml: Xml, relations: dict[int, Element], *, ways: dict[int, Elem
         kind = stated.get("subtype", "")
         named: dict[str, list[int]] = {}
         for member in element.findall("member"):
-            ref = xml.integer(element, xml.attribute(member, "ref"), "ref", low=-(2**53))
+            ref = xml.integer(element, xml.attribute(member, "ref"), "ref", low=-ID)
             named.setdefault(member.get("role", ""), []).append(ref)
         lights = sorted({*named.get("refers", ())} or {key})
         signs = {stated.get("sign_type", "")}

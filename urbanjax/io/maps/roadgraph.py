@@ -13,6 +13,8 @@ from urbanjax.types import FileError
 
 FORMAT, VERSION = "urbanjax road graph", 1
 MAX_COORDINATE = 1e6  # m
+MAX_SIZE = 1 << 24  # of an axis
+ROUNDING = 1e-2  # m, by which stations may be off
 
 # Kind (float, integer, bool) and axes of every array: Links, Points, Successors, relations X, signals per link Y.
 LAYOUT = {
@@ -96,7 +98,7 @@ def _check_header(path: Path, header: dict[str, Any]) -> None:
 
 
 def _is_int(x: Any, least: int) -> bool:
-    return isinstance(x, int) and not isinstance(x, bool) and least <= x <= 1 << 24
+    return isinstance(x, int) and not isinstance(x, bool) and least <= x <= MAX_SIZE
 
 
 def _check(path: Path, header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -121,9 +123,9 @@ def _check(path: Path, header: dict[str, Any], arrays: dict[str, np.ndarray]) ->
         "length": np.any(length <= 0),
         "speed_limit": np.any(arrays["speed_limit"] <= 0),
         "station": not np.allclose(
-            arrays["station"], length[:, None] * np.linspace(0, 1, header["sizes"]["P"]), atol=1e-2
+            arrays["station"], length[:, None] * np.linspace(0, 1, header["sizes"]["P"]), atol=ROUNDING
         ),
-        "stop_line": np.any((arrays["stop_line"] < 0) | (arrays["stop_line"] > length[:, None] + 1e-2)),
+        "stop_line": np.any((arrays["stop_line"] < 0) | (arrays["stop_line"] > length[:, None] + ROUNDING)),
         "has_signal": header["n_signals"] == 0 and np.any(arrays["has_signal"]),
         "valid": not np.any(arrays["valid"]),
     }

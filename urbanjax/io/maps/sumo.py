@@ -9,11 +9,12 @@ import numpy as np
 from urbanjax.io.maps.centre import borders
 from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
-from urbanjax.io.maps.xml import Element, Xml
+from urbanjax.io.maps.xml import LASTS, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
 
 WIDTH = 3.2  # m, of lanes that state none
+WIDTHS = (0.1, 100.0)  # m, that a lane may state
 TURNS = {"l": Turn.LEFT, "L": Turn.LEFT, "r": Turn.RIGHT, "R": Turn.RIGHT, "t": Turn.U_TURN}
 RULES = {"m": Rule.YIELD, "s": Rule.STOP, "w": Rule.STOP}
 SHOWN = {"g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED, "u": SignalState.RED}
@@ -114,7 +115,7 @@ def _programs(xml: Xml) -> dict[str, tuple[Element, tuple[float, ...], list[str]
     out: dict[str, tuple[Element, tuple[float, ...], list[str], float]] = {}
     for logic in xml.root.findall("tlLogic"):
         phases = logic.findall("phase")
-        lasts = tuple(xml.number(logic, xml.attribute(p, "duration"), "duration", 0.0, 1e6) for p in phases)
+        lasts = tuple(xml.number(logic, xml.attribute(p, "duration"), "duration", 0.0, LASTS) for p in phases)
         if sum(lasts) <= 0:
             raise xml.fail(logic, "its phases have no duration")
         offset = xml.number(logic, logic.get("offset", "0"), "offset")
@@ -183,7 +184,7 @@ def _lane(
     if len(pairs) < 2 or any(len(pair) < 2 for pair in pairs):
         raise xml.fail(lane, "its shape has not two points or more of two coordinates each")
     centre = xml.points(lane, [(x, y) for x, y in pairs], "its shape")
-    left, right = borders(centre, xml.number(lane, lane.get("width", str(WIDTH)), "width", 0.1, 100.0))
+    left, right = borders(centre, xml.number(lane, lane.get("width", str(WIDTH)), "width", *WIDTHS))
     inside, way = edge.get("function") == "internal", ways[names[key]]
     sides: dict[str, Any] = {}
     for side, step in (("left", 1), ("right", -1)):
@@ -202,7 +203,7 @@ def _lane(
         paired=True,
         drawn=False,
         successors=tuple(way.successors),
-        speed_limit=xml.number(lane, xml.attribute(lane, "speed"), "speed", 0.1, 1e3),
+        speed_limit=xml.number(lane, xml.attribute(lane, "speed"), "speed", *SPEED_LIMITS),
         turn=(way.turn or Turn.STRAIGHT) if inside else Turn.STRAIGHT,
         road_type=RoadType.JUNCTION if inside else RoadType.HIGHWAY if highway else RoadType.URBAN,
         rule=way.rule,

@@ -15,6 +15,9 @@ from urbanjax.types import FileError
 LARGEST_FILE = 64 * 2**20  # bytes
 MOST_ELEMENTS = 4_000_000
 DEEPEST = 64  # elements within each other
+SPEED_LIMITS = (0.1, 1e3)  # that a map may state, in the unit that it states them in
+LASTS = 1e6  # s (or time steps), most that a phase of a signal lasts
+ID = 2**53  # beyond either sign of it no id is exact as a JSON number
 FARTHEST = 1e8  # m (or degrees, or seconds): no number of a map is larger
 
 
@@ -85,7 +88,7 @@ class Xml:
             raise self.fail(element, f"{what} is {text[:40]!r}, expected a number from {low:g} to {high:g}")
         return value
 
-    def integer(self, element: Element, text: str, what: str, low: int = 0, high: int = 2**53) -> int:
+    def integer(self, element: Element, text: str, what: str, low: int = 0, high: int = ID) -> int:
         """The text as a whole number within bounds."""
         stripped = text.strip()
         digits = stripped[1:] if stripped[:1] == "-" else stripped
@@ -96,7 +99,7 @@ class Xml:
 
     def id(self, element: Element, key: str = "id") -> int:
         """A whole-number id in an attribute."""
-        return self.integer(element, self.attribute(element, key), key, low=-(2**53))
+        return self.integer(element, self.attribute(element, key), key, low=-ID)
 
     def points(self, owner: Element, pairs: Iterable[tuple[str | None, str | None]], what: str) -> np.ndarray:
         """Points [n, 2] from pairs of texts."""

@@ -31,6 +31,8 @@ CAR = VehicleParams(
 )  # highway-env turns about a point half a length behind the centre
 
 # Traffic there brakes at up to 9 m/s^2 and shows no lights: comfort ends where the brakes do.
+SAME_PLACE = 0.1  # m beyond the nearest distance: stations of other laps at the same place
+DETOUR = 1.0  # m that a way may cost more and still count as no dearer
 BRAKES = LongitudinalParams(comfort_deceleration=6.0)
 HIGHWAY_STACK = StackParams(control=ControlParams(longitudinal=BRAKES))
 
@@ -113,7 +115,7 @@ class StackDriver:
             away = np.linalg.norm(
                 np.asarray(corridor.position) - np.asarray(self.observe(env).pose.translation()), axis=-1
             )
-            first = float(corridor.station[int(np.argmax(away < away.min() + 0.1))])
+            first = float(corridor.station[int(np.argmax(away < away.min() + SAME_PLACE))])
             self.state = self.state.replace(station=jnp.full_like(self.state.station, first))
         self.lanes = jax.tree.map(np.asarray, (corridor.lane_link, corridor.lane_offset, corridor.has_lane))
         self.settled = 0
@@ -129,7 +131,7 @@ class StackDriver:
         lane = int(np.argmin(np.where(has[row], np.abs(offsets[row] - offset), np.inf)))
         link, own = int(links[row, lane]), int(links[row, self.course.corridor.route_lane])
         near = abs(offsets[row, lane] - offset) < self.params.settle_offset
-        cheaper = self.destination.best(link)[1] <= self.destination.best(own)[1] + 1.0
+        cheaper = self.destination.best(link)[1] <= self.destination.best(own)[1] + DETOUR
         free = link != own and near and cheaper and not self.shared[link]
         self.settled = self.settled + 1 if free else 0
         if self.settled > self.params.settle_time * FREQUENCY:

@@ -11,7 +11,8 @@ ACCELERATION = (-6.0, 3.0)  # m/s^2
 STEERING = (-np.pi / 4, np.pi / 4)  # rad
 SPEED = (0.0, 40.0)  # m/s
 EGO_COLOUR = (50, 200, 0)
-SCREEN = {"screen_width": 720, "screen_height": 200}
+SCREEN = {"screen_width": 720, "screen_height": 200}  # px
+TALL = 300  # px: an environment whose own screen is as high keeps it
 
 
 def open_environment(name: str, **config: Any) -> Any:
@@ -44,7 +45,7 @@ def open_environment(name: str, **config: Any) -> Any:
         "simulation_frequency": FREQUENCY,
         "policy_frequency": FREQUENCY,
     }
-    screen = SCREEN if creator.default_config()["screen_height"] < 300 else {}
+    screen = SCREEN if creator.default_config()["screen_height"] < TALL else {}
     return driven(config={**defaults, **screen, **config}, render_mode="rgb_array")
 
 

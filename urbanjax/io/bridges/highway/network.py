@@ -15,10 +15,17 @@ LaneKey = tuple[str, str, int, int]  # from node, to node, lane id, piece
 DEFAULT_LIMIT = 30.0  # m/s, where a lane has none (highway-env's highways)
 FLIP = np.array([1.0, -1.0])
 JOIN = 1.5  # m, between lanes that go on into each other
+BENT, BENT_BRIDGE = 0.75, 1.2  # rad, largest change of heading into a lane that goes on, and beyond a hole
 BRIDGE = 12.0  # m, longest hole in a road that is bridged by a link of its own
 STRIP = 0.05  # m of no road between two lanes that a change may cross
 BLEND = 10.0  # m, over which the end of a lane is led onto its successor
 SPACING = 1.5  # m, between the points of a curved lane
+FEWEST, MOST = 16, 128  # points of a link
+BEFORE, AFTER, PLACES = 4.0, 2.0, 601  # m around a lane's end where the next one's start is sought, and at how many
+READ_STRAIGHT, READ_CURVED = 10.0, 0.5  # m, between places at which a lane is read
+NEXT = (0.5, 1.5)  # m, and lane widths: sideways distances between which a lane is the next one
+FORK = np.radians(30)  # change of heading from which a lane of a fork turns
+CUBIC = 41  # points of a bridge
 LINKS, POINTS, RELATIONS = (24, 48, 96, 192), (64, 128), (4, 8, 16)  # sizes that networks are padded to
 
 
@@ -28,7 +35,7 @@ class _Part:
 
     lane: Any
     end: float  # m, station on the lane
-    shift: float  # m, lateral offset at its end, right positive as in highway-env
+    aside: float  # m, lateral offset at its end, right positive as in highway-env
     successors: tuple[tuple[str, str, int], ...]
     bridges: tuple[tuple[str, str, int], ...]  # successors beyond a hole
 
@@ -64,7 +71,7 @@ def read_network(
     ]
     if n_points is None:
         longest = max((part.end for part in parts.values() if not _straight(part)), default=0.0)
-        n_points = int(np.clip(np.ceil(longest / SPACING) + 1, 16, 128))
+        n_points = int(np.clip(np.ceil(longest / SPACING) + 1, FEWEST, MOST))
         n_points = _bucket(n_points, POINTS) if buckets else n_points
     graph = assemble(specs, n_points=n_points, gap_tolerance=JOIN)
     if buckets:
@@ -91,8 +98,10 @@ def continuations(network: Any, index: tuple[str, str, int]) -> tuple[list[tuple
     for node, following in network.graph.get(index[1], {}).items():
         targets = {(index[1], node, i): other for i, other in enumerate(following)}
         places = {target: _beyond(lane, other) for target, other in targets.items()}
-        meeting = [target for target, (_, _, gap, turn) in places.items() if gap <= JOIN and turn < 0.75]
-        reachable = [t for t, (away, _, gap, turn) in places.items() if away > 0 and gap <= BRIDGE and turn < 1.2]
+        meeting = [target for target, (_, _, gap, turn) in places.items() if gap <= JOIN and turn < BENT]
+        reachable = [
+            t for t, (away, _, gap, turn) in places.items() if away > 0 and gap <= BRIDGE and turn < BENT_BRIDGE
+        ]
         direct += meeting
         if not meeting and reachable:
             bridges.append(min(reachable, key=lambda target: _bend(_cubic(lane, network.get_lane(target)))))
@@ -117,7 +126,7 @@ def _beyond(lane: Any, following: Any) -> tuple[float, float, float, float]:
     distance = float(np.linalg.norm(start - lane.position(lane.length, 0.0)))
     if distance > BRIDGE:
         return np.inf, np.inf, distance, np.pi
-    near = lane.length + np.linspace(-min(4.0, 0.5 * lane.length), 2.0, 601)
+    near = lane.length + np.linspace(-min(BEFORE, 0.5 * lane.length), AFTER, PLACES)
     gaps = np.linalg.norm([lane.position(s, 0.0) - start for s in near], axis=-1)
     station = near[np.argmin(gaps)]
     heading = lane.heading_at(station)
@@ -134,7 +143,7 @@ def _pieces(network: Any, index: tuple[str, str, int], max_link: float) -> int:
 
 
 def _straight(part: _Part) -> bool:
-    return type(part.lane).__name__ == "StraightLane" and abs(part.shift) < 1e-6
+    return type(part.lane).__name__ == "StraightLane" and abs(part.aside) < 1e-6  # m, rounding
 
 
 def _specs(
@@ -171,11 +180,11 @@ def _specs(
 
 def _line(part: _Part, begin: float, end: float) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """Centre [n, 2], heading [n] (None where highway-env's is a staircase) and width [n] of a lane, y up."""
-    spacing = 10.0 if _straight(part) else 0.5
+    spacing = READ_STRAIGHT if _straight(part) else READ_CURVED
     s = np.linspace(begin, end, max(int(np.ceil((end - begin) / spacing)) + 1, 4))
     length = min(BLEND, 0.5 * part.end)
     u = np.clip((s - (part.end - length)) / length, 0.0, 1.0)
-    offset, slope = part.shift * u * u * (3 - 2 * u), part.shift * 6 * u * (1 - u) / length
+    offset, slope = part.aside * u * u * (3 - 2 * u), part.aside * 6 * u * (1 - u) / length
     centre = np.array([part.lane.position(float(x), float(d)) for x, d in zip(s, offset, strict=True)]) * FLIP
     width = np.array([part.lane.width_at(float(x)) for x in s], float)
     if hasattr(part.lane, "curve"):
@@ -194,12 +203,12 @@ def _beside(network: Any, index: tuple[str, str, int]) -> tuple[tuple[tuple | No
     for other in network.side_lanes(index):
         beside = network.get_lane(other)
         point = beside.position(beside.length / 2, 0.0)
-        stations = np.linspace(0.0, lane.length, 65)
+        stations = np.linspace(0.0, lane.length, 65)  # close enough for the side and the distance
         middle = stations[np.argmin(np.linalg.norm([lane.position(s, 0.0) - point for s in stations], axis=-1))]
         heading = lane.heading_at(middle)
         aside = (point - lane.position(middle, 0.0)) @ np.array([-np.sin(heading), np.cos(heading)])
         width = 0.5 * (lane.width_at(middle) + beside.width_at(beside.length / 2))
-        if 0.5 < abs(aside) <= 1.5 * width:
+        if NEXT[0] < abs(aside) <= NEXT[1] * width:
             found[bool(aside < 0)] = other, bool(abs(aside) - width < STRIP)
     nothing = (None, False)
     return found.get(True, nothing), found.get(False, nothing)
@@ -228,7 +237,7 @@ def _turn(network: Any, index: tuple[str, str, int], heading: np.ndarray | None,
         chords = np.diff(centre, axis=0)
         heading = np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))
     change = heading[-1] - heading[0]
-    if abs(change) < np.radians(30):
+    if abs(change) < FORK:
         return Turn.STRAIGHT
     return Turn.LEFT if change > 0 else Turn.RIGHT
 
@@ -242,12 +251,12 @@ def _bridge(part: _Part, following: _Part, target: LaneKey, key: LaneKey) -> Lan
 
 
 def _cubic(lane: Any, following: Any) -> np.ndarray:
-    """Points [41, 2], y up, of a cubic from the end of `lane` to the start of `following`."""
+    """Points [CUBIC, 2], y up, of a cubic from the end of `lane` to the start of `following`."""
     ends = [lane.position(lane.length, 0.0) * FLIP, following.position(0.0, 0.0) * FLIP]
     span = np.linalg.norm(ends[1] - ends[0])
     angles = [-lane.heading_at(lane.length), -following.heading_at(0.0)]
     tangents = [span * np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
-    u = np.linspace(0.0, 1.0, 41)[:, None]
+    u = np.linspace(0.0, 1.0, CUBIC)[:, None]
     start = (1 + 2 * u) * (1 - u) ** 2 * ends[0] + u * (1 - u) ** 2 * tangents[0]
     return start + u**2 * (3 - 2 * u) * ends[1] - u**2 * (1 - u) * tangents[1]
 

@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from urbanjax.io.bridges.highway.environment import FREQUENCY
 from urbanjax.io.bridges.highway.network import FLIP
 from urbanjax.roadmap.graph import RoadGraph
 
 EGO = (50, 200, 0)
 OTHER = (100, 200, 255)
 COLLIDED = (255, 100, 100)
+STRAIGHT = 1e-4  # 1/m, greatest curvature of a lane that is drawn as a straight one
+LEFT_OF_IT = 0.1  # m, offset from which an oncoming lane lies beside this one rather than on it
 
 
 class Renderer:
@@ -25,10 +28,10 @@ class Renderer:
             "screen_width": width,
             "screen_height": height,
             "scaling": scaling,
-            "centering_position": [0.3, 0.5],
+            "centering_position": [0.3, 0.5],  # of the picture: more of the road ahead than behind
             "offscreen_rendering": True,
             "render_agent": True,
-            "simulation_frequency": 15,
+            "simulation_frequency": FREQUENCY,
             "show_trajectories": False,
             "real_time_rendering": False,
         }
@@ -74,9 +77,9 @@ def _network(graph: RoadGraph) -> Any:
     centre, left, right = (np.asarray(line, float) * FLIP for line in (graph.centre, graph.left, graph.right))
     width = np.linalg.norm(left - right, axis=-1).mean(-1)
     opposite, has_opposite = np.asarray(graph.opposite), np.asarray(graph.has_opposite)
-    straight = np.abs(np.asarray(graph.curvature)).max(-1) < 1e-4
+    straight = np.abs(np.asarray(graph.curvature)).max(-1) < STRAIGHT
     for i in np.flatnonzero(np.asarray(graph.valid)):
-        facing = opposite[i][has_opposite[i] & (np.asarray(graph.opposite_offset)[i] > 0.1)]
+        facing = opposite[i][has_opposite[i] & (np.asarray(graph.opposite_offset)[i] > LEFT_OF_IT)]
         drawn = not bool(graph.has_left[i]) and (facing < i).any()  # the oncoming lane has drawn the line between
         lines = (
             LineType.NONE if drawn else LineType.STRIPED if bool(graph.left_change[i]) else LineType.CONTINUOUS_LINE,

@@ -14,6 +14,7 @@ from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route
 from urbanjax.types import RouteError, Status
 
 BODY = 6.0  # m, a vehicle's length and a bit
+SHARED = 1.0  # m between the centres of two lanes: below it, both use the same ground
 
 
 @dataclasses.dataclass
@@ -74,7 +75,7 @@ def shared_ground(graph: RoadGraph) -> np.ndarray:
     Args: graph, the road graph.
     """
     offset = np.abs(np.asarray(graph.opposite_offset))
-    return np.any(np.asarray(graph.has_opposite) & (offset < 1.0), axis=1)
+    return np.any(np.asarray(graph.has_opposite) & (offset < SHARED), axis=1)
 
 
 def _abreast(graph: RoadGraph, link: int) -> list[int]:
