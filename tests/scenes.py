@@ -60,13 +60,13 @@ def oncoming_scene(params: LoopParams) -> tuple[Course, LaneTables, WorldState]:
     vehicles = traffic(
         jnp.array([0, 1, 0, 0], jnp.int32),
         jnp.array([92.0, 190.0, 0.0, 0.0]),
-        jnp.array([4.0, 8.0, 0.0, 0.0]),
-        14.0,
-        params.sim.traffic,
-        jnp.array([True, True, False, False]),
+        speed=jnp.array([4.0, 8.0, 0.0, 0.0]),
+        limit=14.0,
+        params=params.sim.traffic,
+        valid=jnp.array([True, True, False, False]),
     )
-    ego = ego_at(jnp.asarray(60.0), jnp.asarray(0.15), jnp.asarray(8.97))
-    return course_along(graph, 0, 0), roads.from_graph(one_shape(graph)), world(ego, 0, vehicles)
+    ego = ego_at(jnp.asarray(60.0), jnp.asarray(0.15), speed=jnp.asarray(8.97))
+    return course_along(graph, 0, 0), roads.from_graph(one_shape(graph)), world(ego, 0, vehicles=vehicles)
 
 
 def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, LaneTables, WorldState]:
@@ -83,20 +83,20 @@ def curve_scene(params: LoopParams, aside: float = -2.2) -> tuple[Course, LaneTa
     vehicles = traffic(
         jnp.array([3, 0, 0, 0], jnp.int32),
         jnp.array([12.0, 105.0, 0.0, 0.0]),
-        jnp.array([0.0, 4.0, 0.0, 0.0]),
-        4.2,
-        params.sim.traffic,
-        jnp.array([True, True, False, False]),
+        speed=jnp.array([0.0, 4.0, 0.0, 0.0]),
+        limit=4.2,
+        params=params.sim.traffic,
+        valid=jnp.array([True, True, False, False]),
     )
     beside = jnp.array([aside, 0.0, 0.0, 0.0])
     vehicles = vehicles.replace(offset=beside, offset_from=beside, offset_to=beside)
-    ego = ego_at(jnp.asarray(115.0), graph.centre[1, 0, 1] + 0.3, jnp.asarray(3.93))
-    return course_along(graph, 1, 5), roads.from_graph(one_shape(graph)), world(ego, 1, vehicles)
+    ego = ego_at(jnp.asarray(115.0), graph.centre[1, 0, 1] + 0.3, speed=jnp.asarray(3.93))
+    return course_along(graph, 1, 5), roads.from_graph(one_shape(graph)), world(ego, 1, vehicles=vehicles)
 
 
 def course_along(graph: RoadGraph, start: int, goal: int) -> Course:
     """The course from link to link, in the shape that all scenes share."""
-    return course_between(one_shape(graph), start, goal)
+    return course_between(one_shape(graph), start, goal=goal)
 
 
 def one_shape(graph: RoadGraph) -> RoadGraph:

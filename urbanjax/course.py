@@ -21,6 +21,7 @@ class Course:
 def course_between(
     graph: RoadGraph,
     start: int,
+    *,
     goal: int,
     via: tuple[int, ...] = (),
     laps: int = 1,

@@ -66,7 +66,7 @@ def scene(study: BenchStudy) -> tuple[Course, LaneTables, Scenario]:
     keys = jax.random.split(jax.random.key(study.seed), count)
     starts = jax.vmap(lambda key: circulate.sample(key, scenario, others=others, lanes=lanes))(keys)
     start, goal = int(starts.start_link[0]), int(starts.goal_link[0])
-    return course_between(graph, start, goal, corridor=study.corridor), lanes, starts
+    return course_between(graph, start, goal=goal, corridor=study.corridor), lanes, starts
 
 
 def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, float]:
@@ -154,7 +154,7 @@ def _simulate(loop: LoopParams, course: Course, lanes: LaneTables, starts: World
         def body(carry: tuple, _: None) -> tuple[tuple, None]:
             world, touched = carry
             world = worlds.step(sim, lanes, world, Command(zero, zero), loop.period)
-            objects = agents.objects(lanes, world.traffic, loop.sim.traffic)
+            objects = agents.objects(lanes, world.traffic, params=loop.sim.traffic)
             return (world, touched | jnp.any(metrics.overlaps(objects))), None
 
         (_, touched), _ = jax.lax.scan(body, (start, jnp.asarray(False)), length=n_steps)
@@ -168,7 +168,7 @@ def _close(loop: LoopParams, course: Course, lanes: LaneTables, starts: WorldSta
 
     def one(start: WorldState) -> Any:
         log, _ = rollout(loop, course, lanes, start, n_steps)
-        return metrics.evaluate(log, loop.vehicle, loop.stack.relaxation)
+        return metrics.evaluate(log, loop.vehicle, relaxation=loop.stack.relaxation)
 
     return jax.vmap(one)(starts)
 

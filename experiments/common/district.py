@@ -68,7 +68,7 @@ def build(
     """The world of a seed. Args: file, a map made before; without one the district is mapped, a minute on two cores."""
     graph = district()
     last = int(graph.predecessor[FIRST, 0])
-    course = course_between(graph, FIRST, last)
+    course = course_between(graph, FIRST, goal=last)
     surroundings = jax.tree.map(jnp.asarray, furnish(graph, params.seed))
     key = jax.random.key(params.seed)
     if file:
@@ -80,7 +80,7 @@ def build(
         scans = survey(first, params.mapping, params.sensor, localizer, course, surroundings, float(length))
         points = mapping.build(((cloud, pose) for cloud, _, pose in scans), float(params.mapping.resolution))
     world = mapping.distributions(points, params.mapping.distributions)
-    truth = tour.drive(jax.random.fold_in(key, 2), course.corridor, params.drive)
+    truth = tour.drive(jax.random.fold_in(key, 2), course.corridor, params=params.drive)
     if params.stretch:
         steps = int(np.searchsorted(np.asarray(truth.station), float(params.stretch)))
         if steps < LEAST:
@@ -103,7 +103,7 @@ def survey(
 
     Args: length [m], of the course that is surveyed.
     """
-    drive = tour.drive(key, course.corridor, how.drive)
+    drive = tour.drive(key, course.corridor, params=how.drive)
     station = np.asarray(drive.station)
     every = np.unique(np.searchsorted(station, np.arange(0, min(length, float(station[-1])), float(how.spacing))))
     rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
@@ -114,16 +114,16 @@ def survey(
     @jax.jit
     def look(k: jax.Array, sensor: LidarParams, clear: LidarLocalizerParams, fine: DownsampleParams) -> tuple:
         ego, yaw_rate = jax.tree.map(lambda x: x[k], (drive.ego, drive.yaw_rate))
-        scan = sweep(sensor, surroundings, None, ego, yaw_rate, jax.random.fold_in(key, k))
+        scan = sweep(sensor, surroundings, vehicles=None, ego=ego, yaw_rate=yaw_rate, key=jax.random.fold_in(key, k))
         seen = observation(scan, Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate))
-        thinned, _ = downsample(*lidar.points_of(clear, seen), fine)
+        thinned, _ = downsample(*lidar.points_of(clear, seen), params=fine)
         return lidar.cloud_of(clear, seen)[0], thinned.position.T, thinned.valid
 
     for k in every:
         x, y = np.asarray(drive.ego.position[k], float) + float(how.position_noise) * rng.normal(size=2)
         heading = float(drive.ego.heading[k]) + float(how.heading_noise) * rng.normal()
         cloud, points, valid = jax.device_get(look(jnp.asarray(k), *args))
-        yield cloud, points[valid], mapping.matrix(x, y, heading)
+        yield cloud, points[valid], mapping.matrix(x, y, heading=heading)
 
 
 def observation(scan: Scan, odometry: Odometry) -> Observation:

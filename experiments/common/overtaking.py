@@ -44,7 +44,7 @@ class OvertakeStudy(LoopParams):
 def scene(study: OvertakeStudy) -> tuple[Course, LaneTables, Scenario]:
     """The course, the simulator's tables of its road, and S starts stacked along the first axis."""
     graph = overtake.road(study.scenario)
-    course = course_between(graph, RIGHT, RIGHT, corridor=study.corridor)
+    course = course_between(graph, RIGHT, goal=RIGHT, corridor=study.corridor)
     keys = jax.random.split(jax.random.key(study.seed), study.starts)
     scenario, vehicle, others = as_arrays((study.scenario, study.vehicle, study.sim.traffic))
     draw = jax.vmap(lambda key: overtake.sample(key, scenario, vehicle=vehicle, others=others))
@@ -86,7 +86,7 @@ def _grid(
         gvp = loop.stack.behavior.gvp.replace(tau=tau, clamp_time=clamp_time)
         behavior = loop.stack.behavior.replace(gvp=gvp)
         log, _ = rollout(loop.replace(stack=loop.stack.replace(behavior=behavior)), course, lanes, start, n_steps)
-        return log, metrics.progress(log), metrics.evaluate(log, loop.vehicle, loop.stack.relaxation)
+        return log, metrics.progress(log), metrics.evaluate(log, loop.vehicle, relaxation=loop.stack.relaxation)
 
     shape = taus.size, clamps.size, starts.time.size
     i, k, s = (index.ravel() for index in jnp.indices(shape))

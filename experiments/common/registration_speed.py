@@ -60,7 +60,7 @@ def measure(study: RegistrationStudy, tick: Callable[[str], None] = lambda label
     raw = [registration.padded(points, study.points) for points in (source, target)]
     peer = peer_of(study, source, target)
     if peer is None:
-        clouds = [prepare(*arrays, params.preprocess)[0] for arrays in raw]
+        clouds = [prepare(*arrays, params=params.preprocess)[0] for arrays in raw]
     else:
         clouds = [
             registration.cloud(
@@ -72,17 +72,17 @@ def measure(study: RegistrationStudy, tick: Callable[[str], None] = lambda label
     twists = np.random.default_rng(study.seed).normal(size=(study.starts, 6)) * [0.3, 0.3, 0.05, 0.01, 0.01, 0.03]
     starts = jax.vmap(jaxlie.SE3.exp)(jnp.asarray(twists, jnp.float32))
     identity = jaxlie.SE3.identity()
-    found = align(clouds[0], world, identity, params.align)
+    found = align(clouds[0], world, start=identity, params=params.align)
     out = {
-        "registration_dropped_voxels": float(prepare(*raw[0], params.preprocess)[1].dropped),
+        "registration_dropped_voxels": float(prepare(*raw[0], params=params.preprocess)[1].dropped),
         "registration_points": float(clouds[0].valid.sum()),
         "registration_error_m": float(jnp.linalg.norm((found.pose.inverse() @ truth).translation())),
     }
     calls: dict[str, Callable[[], Any]] = {
-        "preprocess": lambda: prepare(*raw[0], params.preprocess),
+        "preprocess": lambda: prepare(*raw[0], params=params.preprocess),
         "map": lambda: build(clouds[1], params.map),
-        "align": lambda: align(clouds[0], world, identity, params.align),
-        f"align_{study.starts}_starts": lambda: many(clouds[0], world, starts, params.align),
+        "align": lambda: align(clouds[0], world, start=identity, params=params.align),
+        f"align_{study.starts}_starts": lambda: many(clouds[0], world, starts=starts, params=params.align),
     }
     for name, call in calls.items():
         tick(f"registration: {name}")

@@ -151,7 +151,7 @@ def gap(world: World, step: int, length: float) -> VoxelMap:
 
 
 def _changed(surroundings: Scenery, share: float, seed: int) -> Scenery:
-    return jax.tree.map(jnp.asarray, altered(surroundings, share, seed))
+    return jax.tree.map(jnp.asarray, altered(surroundings, share, seed=seed))
 
 
 def roc(score: np.ndarray, wrong: np.ndarray) -> float | None:

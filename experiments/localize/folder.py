@@ -67,7 +67,7 @@ def drive(params: LocalizeStudy, files: list[Path], tick: Any = lambda k: None) 
         padded = registration.padded(points, CAPACITY)
 
         def one(padded: tuple = padded, state: Any = state, motion: Any = motion) -> Any:
-            cloud: PointCloud = prepare(*padded, localizer.preprocess)[0]
+            cloud: PointCloud = prepare(*padded, params=localizer.preprocess)[0]
             return cloud, *step(localizer.odometry, state, cloud, motion)
 
         seconds, (cloud, state, found) = timing.timed(one)

@@ -83,7 +83,7 @@ def drive(
 ) -> Loops:
     """All rollouts, one after the other in one compiled program."""
     graph = world.course.graph
-    course = course_between(graph, study.link, int(graph.predecessor[study.link, 0])).replace(map=world.course.map)
+    course = course_between(graph, study.link, goal=int(graph.predecessor[study.link, 0])).replace(map=world.course.map)
     stack = study.stack.replace(lidar=localizer)
     loop, family = as_arrays((LoopParams(sensor=sensor, stack=stack, sim=study.sim), study.scenario))
     lanes = tables.from_graph(graph)
@@ -135,12 +135,12 @@ def _grid(
         tau, number = pair
         mine = jax.random.fold_in(key, number)
         straight = overtake.sample(mine, family, vehicle=loop.vehicle, others=loop.sim.traffic)
-        start = transplant(straight, lanes, jnp.asarray(link), SHIFT).world
+        start = transplant(straight, lanes, link=jnp.asarray(link), shift=SHIFT).world
         gvp = loop.stack.behavior.gvp.replace(tau=tau)
         stack = loop.stack.replace(behavior=loop.stack.behavior.replace(gvp=gvp))
         sensing = Sensing(surroundings, jax.random.fold_in(mine, 1))
         log, kept = rollout(loop.replace(stack=stack), course, lanes, start, n_steps, _localized, sensing)
-        result = metrics.evaluate(log, loop.vehicle, stack.relaxation)
+        result = metrics.evaluate(log, loop.vehicle, relaxation=stack.relaxation)
         return log.ego.position, *kept, metrics.progress(log)[-1], result
 
     tau, number = jnp.meshgrid(taus, jnp.arange(starts), indexing="ij")

@@ -136,7 +136,8 @@ def between_scans(world: World, track: LocalizedTrack, rate: float, period: floa
 
     def moved(speed: Any, yaw_rate: Any) -> np.ndarray:
         speed, yaw_rate = (np.repeat(np.asarray(x)[k], n) for x in (speed, yaw_rate))
-        return np.asarray(arc(*map(jax.numpy.asarray, (speed, yaw_rate, np.tile(later, len(k)).astype(speed.dtype))))).T
+        time = np.tile(later, len(k)).astype(speed.dtype)
+        return np.asarray(arc(jax.numpy.asarray(speed), jax.numpy.asarray(yaw_rate), time=jax.numpy.asarray(time))).T
 
     truth = np.concatenate([np.asarray(ego.position, float)[k], np.asarray(ego.heading, float)[k][:, None]], 1)
     there = compose(np.repeat(truth, n, 0), moved(ego.speed, tour.yaw_rate))

@@ -133,7 +133,7 @@ def _look(
 ) -> tuple[Observation, VehicleState]:
     """What is observed at step k, and the truth."""
     ego, yaw_rate, odometry, vehicles = _at((tour.ego, tour.yaw_rate, tour.odometry, tour.vehicles), k)
-    scan = sweep(sensor, surroundings, vehicles, ego, yaw_rate, jax.random.fold_in(key, k))
+    scan = sweep(sensor, surroundings, vehicles=vehicles, ego=ego, yaw_rate=yaw_rate, key=jax.random.fold_in(key, k))
     scan = scan.replace(valid=scan.valid & ~lost)
     return observation(scan, odometry), ego
 
@@ -176,8 +176,8 @@ def _find(
     state: LidarState,
     seen: Observation,
 ) -> tuple[relocalize.Relocalization, LidarState]:
-    starts = relocalize.lane_starts(graph, state.pose, search.starts)
-    return relocalize.relocalize(search, params, world, state, seen, starts)
+    starts = relocalize.lane_starts(graph, state.pose, count=search.starts)
+    return relocalize.relocalize(search, params, world=world, state=state, observation=seen, starts=starts)
 
 
 def _flat(pose: jaxlie.SE2) -> Array:

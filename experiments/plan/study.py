@@ -85,11 +85,12 @@ def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState
         scenario = as_arrays(study.scenario)
         draw = jax.jit(lambda key: overtake.sample(key, scenario, vehicle=loop.vehicle, others=loop.sim.traffic))
         start = draw(jax.random.key(study.seed))
-        return loop, course_between(graph, RIGHT, RIGHT, corridor=study.corridor), tables.from_graph(graph), start.world
+        course = course_between(graph, RIGHT, goal=RIGHT, corridor=study.corridor)
+        return loop, course, tables.from_graph(graph), start.world
     road = maps.read(Path(study.file))
     if road.recording is None:
         raise ConfigError(f"{study.file} holds no recorded traffic: choose another 'file'")
-    scene = scenes.prepare(road.path.stem, road.graph, road.recording, study.corridor, 1.0)
+    scene = scenes.prepare(road.path.stem, road.graph, recording=road.recording, params=study.corridor, shortest=1.0)
     names, wanted = [start.name for start in scene.starts], str(study.ego)
     if study.ego and wanted not in names:
         raise ConfigError(f"'ego' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")

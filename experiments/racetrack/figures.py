@@ -51,7 +51,7 @@ def draw_macro(path: Path, temperature: float) -> None:
     """A macro plan past a slow leader in a bend of three lanes: weights of the nodes and the plan, hard and soft."""
     graph = curve(60.0, np.pi / 3, n_lanes=3, lead=60.0, style=RoadStyle(section=500.0))
     links = [k for k in range(graph.length.shape[0]) if bool(graph.has_left[k] & graph.has_right[k])]
-    course = course_between(graph, links[0], links[-1])
+    course = course_between(graph, links[0], goal=links[-1])
     ahead = as_arrays(window(course.corridor, jnp.asarray(30.0), WindowParams()))
     leader = _leader(ahead, station=62.0, speed=3.0)
     vehicle, params = as_arrays(VehicleParams()), as_arrays(MacroParams())

@@ -60,7 +60,7 @@ def made_up(radius: float = 120.0, n: int = 300) -> Racetrack:
 def course_of(study: RacetrackStudy) -> Course:
     """The track once round. Raises MapError where the file is no track."""
     found = racetrack.read(study.file) if study.file else racetrack.road_map(Path("made-up track"), made_up())
-    return course_between(found.graph, 0, len(found.ids) - 1, corridor=CorridorParams(lanes=1))
+    return course_between(found.graph, 0, goal=len(found.ids) - 1, corridor=CorridorParams(lanes=1))
 
 
 def solve(study: RacetrackStudy) -> Lap:

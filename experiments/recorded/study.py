@@ -48,8 +48,17 @@ def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tup
         raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
     vehicle = study.vehicle
     if study.egos == "problems":
-        scene = problems(path.stem, road.graph, road.recording, road.problems, study.corridor, vehicle)
+        scene = problems(
+            path.stem, road.graph, recording=road.recording, tasks=road.problems, params=study.corridor, vehicle=vehicle
+        )
     else:
-        scene = prepare(path.stem, road.graph, road.recording, study.corridor, float(study.shortest), vehicle)
+        scene = prepare(
+            path.stem,
+            road.graph,
+            recording=road.recording,
+            params=study.corridor,
+            shortest=float(study.shortest),
+            vehicle=vehicle,
+        )
     tick(f"{path.stem}: {len(scene.starts)} drives")
     return scene, drive(study.loop(), scene)

@@ -119,7 +119,7 @@ class Bench:
         """Milliseconds, the map around a position, and how many of its voxels found no place."""
         world = self.map(setting.method, setting.voxel)
         radius = jnp.asarray(setting.window, jnp.float32)
-        took, (window, missed) = self.programs(voxelmap.cut, world, centre, radius, self._size(setting))
+        took, (window, missed) = self.programs(_cut, world, centre, radius, self._size(setting))
         return took, window, int(missed)
 
     def register(
@@ -173,7 +173,7 @@ def _look(sensor: LidarParams, surroundings: Scenery, tour: Tour, k: Array, key:
     ego, yaw_rate, odometry, vehicles = jax.tree.map(lambda x: x[k], parts)
     left = jnp.stack([-jnp.sin(ego.heading), jnp.cos(ego.heading)])
     there: VehicleState = ego.replace(position=ego.position + aside[0] * left, heading=ego.heading + aside[1])
-    scan = sweep(sensor, surroundings, vehicles, there, yaw_rate, jax.random.fold_in(key, k))
+    scan = sweep(sensor, surroundings, vehicles=vehicles, ego=there, yaw_rate=yaw_rate, key=jax.random.fold_in(key, k))
     return Seen(scan, odometry, motion.spatial(there.pose))
 
 
@@ -184,10 +184,14 @@ def _prepare(
     return lidar.cloud_of(localizer, observation(upper, odometry))
 
 
+def _cut(world: VoxelMap, centre: Array, radius: Array, params: CutParams) -> tuple[DistributionMap, Array]:
+    return voxelmap.cut(world, centre, radius=radius, params=params)
+
+
 def _register(
     params: AlignParams, cloud: PointCloud, window: DistributionMap, start: jaxlie.SE3, truth: jaxlie.SE3
 ) -> Found:
-    found: Alignment = align(cloud, window, start, params)
+    found: Alignment = align(cloud, window, start=start, params=params)
     off = motion.planar(truth).inverse() @ motion.planar(found.pose)
     twist = (found.pose.inverse() @ truth).log()
     plane = jnp.array(PLANE)

@@ -7,10 +7,14 @@ from typing import Any
 import jax
 import jaxlie
 import numpy as np
+from jax import Array
 from scipy import stats
 
 from experiments.register.bench import Bench, Found, Seen
 from urbanjax.localization import motion, sliding
+from urbanjax.localization.sliding import SlidingParams
+from urbanjax.registration.distributions import DistributionMap
+from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.types import as_arrays, pytree, static
 
 DEGREES = 3  # x, y, heading
@@ -107,8 +111,12 @@ def _one(bench: Bench, seen: Seen, start: jaxlie.SE3) -> Found:
     localizer = bench.localizer
     _, cloud, _ = bench.cloud(seen, seen.scan.valid.shape[0], float(localizer.sensing_radius))
     world = bench.map("vgicp", 1.0)
-    _, (window, _) = bench.programs(sliding.window, world, start.translation(), seen.odometry.speed, localizer.sliding)
+    _, (window, _) = bench.programs(_window, world, start.translation(), seen.odometry.speed, localizer.sliding)
     return bench.aligned(localizer.align, cloud, window, start.normalize(), seen.truth)[1]
+
+
+def _window(world: VoxelMap, position: Array, speed: Array, params: SlidingParams) -> tuple[DistributionMap, Array]:
+    return sliding.window(world, position, speed=speed, params=params)
 
 
 def summary(found: Calibration) -> dict[str, float]:

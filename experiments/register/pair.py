@@ -82,7 +82,8 @@ def _agreement(study: RegistrationStudy, peer: Any, truth: np.ndarray) -> dict[s
     theirs = peer.library.align(peer.world, peer.clouds[0], num_threads=study.threads)
     out: dict[str, float] = {}
     for name, pose in (("start", np.eye(4)), ("end", np.asarray(theirs.T_target_source))):
-        one = align(source, world, jaxlie.SE3.from_matrix(jnp.asarray(pose)), params.align.replace(max_iterations=1))
+        at = jaxlie.SE3.from_matrix(jnp.asarray(pose))
+        one = align(source, world, start=at, params=params.align.replace(max_iterations=1))
         peers = peer.library.align(
             peer.world, peer.clouds[0], init_T_target_source=pose, num_threads=study.threads, max_iterations=1
         )
@@ -91,7 +92,7 @@ def _agreement(study: RegistrationStudy, peer: Any, truth: np.ndarray) -> dict[s
         # The gradient vanishes at the end: it is measured against what a point moved by 1 mm would change.
         out[f"pair_{name}_gradient_difference_mm"] = 1e3 * _worst(one.gradient, peers.b, np.abs(np.diag(peers.H)))
         out[f"pair_{name}_inlier_difference"] = abs(float(one.inliers) - peers.num_inliers)
-    found = align(source, world, jaxlie.SE3.identity(), params.align)
+    found = align(source, world, start=jaxlie.SE3.identity(), params=params.align)
     ours = np.asarray(found.pose.as_matrix())
     for name, pose, reference in (
         ("fixed_point_difference", ours, np.asarray(theirs.T_target_source)),
@@ -118,7 +119,7 @@ def _features(study: RegistrationStudy, peer: Any, source: np.ndarray) -> dict[s
     _, same = tree.query(np.asarray(cloud.position).T[valid])
     cosine = np.abs((np.asarray(cloud.normal).T[valid] * np.asarray(peer.clouds[0].normals())[same, :3]).sum(1))
     raw = registration.padded(source, len(source))
-    thinned, _ = jax.jit(downsample)(jnp.asarray(raw[0]), jnp.asarray(raw[1]), params.preprocess.downsample)
+    thinned, _ = jax.jit(downsample)(*map(jnp.asarray, raw), params=params.preprocess.downsample)
     away, _ = tree.query(np.asarray(thinned.position).T[np.asarray(thinned.valid)])
     return {
         "pair_points": int(np.asarray(thinned.valid).sum()),
@@ -139,23 +140,26 @@ def _times(study: RegistrationStudy, peer: Any, points: tuple[np.ndarray, np.nda
     peers = {"small_gicp": peer, "small_gicp_one_thread": registration_speed.peer_of(study.replace(threads=1), *points)}
     out: dict[str, float] = {}
 
-    def measure(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        seconds, program = timing.timed(lambda: jax.jit(function).lower(*arguments).compile())
+    def measure(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        seconds, program = timing.timed(lambda: jax.jit(function).lower(*arguments, **named).compile())
         memory: Any = program.memory_analysis()
         out[f"registration_{name}_compile_s"] = seconds
         out[f"registration_{name}_memory_mb"] = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6
-        result = program(*arguments)
-        out[f"registration_{name}_ms"] = 1e3 * timing.median(program, *arguments, runs=study.repeats)
+        run = functools.partial(program, *arguments, **named)
+        result = run()
+        out[f"registration_{name}_ms"] = 1e3 * timing.median(run, runs=study.repeats)
         for label, other in peers.items():
             call = functools.partial(other.call, name, np.asarray(starts.as_matrix(), float))
             call()
             out[f"{label}_{name}_ms"] = 1e3 * timing.median(call, runs=study.repeats)
         return result
 
-    measure("preprocess", registration.preprocess, *raw, params.preprocess)
+    measure("preprocess", registration.preprocess, *raw, params=params.preprocess)
     world = measure("map", registration.build, target, params.map)
-    measure("align", registration.align, source, world, identity, params.align)
-    measure(f"align_{study.starts}_starts", registration.align_starts, source, world, starts, params.align)
+    measure("align", registration.align, source, world, start=identity, params=params.align)
+    measure(
+        f"align_{study.starts}_starts", registration.align_starts, source, world, starts=starts, params=params.align
+    )
     return out
 
 

@@ -52,7 +52,7 @@ def build(params: StretchParams, localizer: LidarLocalizerParams, tick: Callable
     """Furnish, map and drive the stretch: half a minute on two idle cores."""
     tick("furnishing", None)
     graph = district()
-    mapped, driven = (course_between(graph, *ends) for ends in (MAPPED, DRIVEN))
+    mapped, driven = (course_between(graph, first, goal=last) for first, last in (MAPPED, DRIVEN))
     surroundings = jax.tree.map(jnp.asarray, furnish(graph, params.seed))
     key = jax.random.key(params.seed)
     tick("mapping the stretch", None)
@@ -62,7 +62,7 @@ def build(params: StretchParams, localizer: LidarLocalizerParams, tick: Callable
     tick("merging", None)
     return Stretch(
         surroundings=surroundings,
-        tour=tour.drive(jax.random.fold_in(key, 2), driven.corridor, params.drive),
+        tour=tour.drive(jax.random.fold_in(key, 2), driven.corridor, params=params.drive),
         points=mapping.build(((cloud, pose) for cloud, _, pose in scans), float(params.mapping.resolution)),
         fine=mapping.build(((_bare(points), pose) for _, points, pose in scans), float(params.fine_resolution)),
     )

@@ -48,7 +48,7 @@ def test_converges_onto_a_line():
     def body(s, _):
         ahead = line.replace(position=line.position + jnp.stack([s.position[0], jnp.zeros(())])[None, :])
         command = Command(jnp.zeros(()), steer(ahead, s, PURSUIT, VEHICLE))
-        return bicycle_step(s, command, VEHICLE, 0.1), s.position[1]
+        return bicycle_step(s, command, params=VEHICLE, dt=0.1), s.position[1]
 
     _, lateral = jax.lax.scan(body, state(y=2.0), length=80)
     assert abs(float(lateral[-1])) < 0.02

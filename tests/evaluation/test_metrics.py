@@ -40,33 +40,33 @@ def test_progress_is_the_integral_of_the_speed():
 
 def test_clearance_known_answers():
     log = make([0.0, 5.0, 9.0], others=[(12.0, 0.0, 0.0, 0.0), (0.0, 3.5, 0.0, 0.0)])
-    found = metrics.clearance(log, VEHICLE, HARD)
+    found = metrics.clearance(log, VEHICLE, relaxation=HARD)
     np.testing.assert_allclose(found, [3.5 - W, 3.5 - W, 3.0 - L], atol=1e-5)
     alone = make([0.0, 1.0])
-    np.testing.assert_allclose(metrics.clearance(alone, VEHICLE, HARD), metrics.FAR)
+    np.testing.assert_allclose(metrics.clearance(alone, VEHICLE, relaxation=HARD), metrics.FAR)
 
 
 def test_collision_and_off_road_are_yes_or_no_when_hard():
     near = make([0.0, 5.0], others=[(11.0, 0.0, 0.0, 0.0)])
     hit = make([0.0, 7.0], others=[(11.0, 0.0, 0.0, 0.0)])
-    assert metrics.collision(near, VEHICLE, HARD) == 0
-    assert metrics.collision(hit, VEHICLE, HARD) == 1
+    assert metrics.collision(near, VEHICLE, relaxation=HARD) == 0
+    assert metrics.collision(hit, VEHICLE, relaxation=HARD) == 1
     assert metrics.off_road(near, HARD) == 0
     assert metrics.off_road(near.replace(road_margin=jnp.asarray([0.5, -0.1])), HARD) == 1
 
 
 def test_time_to_collision_behind_a_slower_vehicle():
     log = make(ego_speed=10.0, others=[(20.0 + L, 0.2, 0.0, 4.0), (15.0, 3.5, 0.0, 0.0)])
-    np.testing.assert_allclose(1 / metrics.inverse_ttc(log, VEHICLE, HARD), 20 / 6, rtol=1e-5)
+    np.testing.assert_allclose(1 / metrics.inverse_ttc(log, VEHICLE, relaxation=HARD), 20 / 6, rtol=1e-5)
     np.testing.assert_allclose(metrics.box_ttc(log, VEHICLE), 20 / 6, rtol=1e-5)
 
 
 @pytest.mark.parametrize("other", [(30.0, 0.0, 0.0, 12.0), (-20.0, 0.0, 0.0, 5.0), (30.0, 3.5, 0.0, 0.0)])
 def test_no_time_to_collision_where_nothing_comes_closer_in_the_way(other):
     log = make(ego_speed=10.0, others=[other])
-    assert metrics.inverse_ttc(log, VEHICLE, HARD)[0] == 0
+    assert metrics.inverse_ttc(log, VEHICLE, relaxation=HARD)[0] == 0
     assert metrics.box_ttc(log, VEHICLE)[0] == metrics.FAR
-    np.testing.assert_allclose(evaluate(log_of_two(log), VEHICLE, HARD).ttc_lane, metrics.FAR, rtol=1e-6)
+    np.testing.assert_allclose(evaluate(log_of_two(log), VEHICLE, relaxation=HARD).ttc_lane, metrics.FAR, rtol=1e-6)
 
 
 def log_of_two(log):
@@ -96,7 +96,7 @@ def test_box_time_equals_a_fine_search():
         moved = one.position[0] + times[:, None] * way[None, :]
         many = jax.tree.map(lambda x: jnp.broadcast_to(x[0], (times.shape[0], *x.shape[1:])), one)
         path = make(6.0 * times).replace(traffic=many.replace(position=moved[:, None, :]))
-        return metrics.clearance(path, VEHICLE, HARD) <= 0
+        return metrics.clearance(path, VEHICLE, relaxation=HARD) <= 0
 
     hits = np.stack([touching(one) for one in each[:40]])
     expected = np.where(hits.any(1), times[hits.argmax(1)], metrics.FAR)
@@ -109,7 +109,7 @@ def test_box_time_equals_a_fine_search():
 
 def test_comfort_known_answers():
     log = make(np.zeros(3), ego_speed=jnp.asarray([8.0, 6.0, 7.0]), acceleration=jnp.asarray([0.0, -2.0, 1.0]))
-    found = evaluate(log.replace(ego=log.ego.replace(steering=jnp.full(3, 0.1))), VEHICLE, HARD)
+    found = evaluate(log.replace(ego=log.ego.replace(steering=jnp.full(3, 0.1))), VEHICLE, relaxation=HARD)
     assert found.min_speed == 6
     assert found.speed_drop == 2
     assert found.max_acceleration == 2
@@ -119,8 +119,8 @@ def test_comfort_known_answers():
 
 def test_hard_metrics_are_the_limit_of_soft_ones():
     log = make([0.0, 4.0], others=[(14.0, 1.0, 0.1, 3.0), (9.0, 4.0, 0.0, 9.0)], road_margin=jnp.asarray([0.4, 0.2]))
-    hard = evaluate(log, VEHICLE, HARD)
-    soft = evaluate(log, VEHICLE, Relaxation(1e-3, "soft"))
+    hard = evaluate(log, VEHICLE, relaxation=HARD)
+    soft = evaluate(log, VEHICLE, relaxation=Relaxation(1e-3, "soft"))
     for a, b in zip(jax.tree.leaves(hard), jax.tree.leaves(soft), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-2, atol=1e-2)
 
@@ -156,7 +156,7 @@ def test_score_prefers_more_progress_room_and_comfort():
     params, soft = scores.ScoreParams(), Relaxation(0.1, "soft")
 
     def total(log):
-        return score(log, VEHICLE, params, soft)
+        return score(log, VEHICLE, params=params, relaxation=soft)
 
     base = make(np.arange(10.0), others=[(5.0, 3.5, 0.0, 0.0)])
     worse = {
@@ -168,7 +168,7 @@ def test_score_prefers_more_progress_room_and_comfort():
         "curved": base.replace(ego=base.ego.replace(steering=base.ego.steering + 0.05)),
     }
     assert all(total(log) < total(base) for log in worse.values())
-    terms = scores.terms(base, VEHICLE, params, soft)
+    terms = scores.terms(base, VEHICLE, params=params, relaxation=soft)
     parts = [getattr(terms, name) for name in terms.__dataclass_fields__ if name != "total"]
     np.testing.assert_allclose(sum(parts), terms.total, rtol=1e-6)
 
@@ -188,7 +188,7 @@ def test_gradient_of_the_score_matches_differences():
                 ego=log.ego.replace(heading=log.ego.heading + x[3], steering=log.ego.steering + x[4]),
                 road_margin=log.road_margin + x[5],
             )
-            return scores.score(moved, VEHICLE, params, soft)
+            return scores.score(moved, VEHICLE, params=params, relaxation=soft)
 
         x = jnp.full(6, 0.01)
         gradient, size = jax.grad(value)(x), 1e-6
@@ -202,8 +202,8 @@ def test_gradient_is_finite_at_a_standstill_on_one_spot():
 
     def value(log):
         soft = Relaxation(0.1, "soft")
-        found = metrics.evaluate(log, VEHICLE, soft)
-        return scores.score(log, VEHICLE, scores.ScoreParams(), soft) + sum(jax.tree.leaves(found))
+        found = metrics.evaluate(log, VEHICLE, relaxation=soft)
+        return scores.score(log, VEHICLE, params=scores.ScoreParams(), relaxation=soft) + sum(jax.tree.leaves(found))
 
     gradient = jax.jit(jax.grad(value, allow_int=True))(log)
     floats = [g for g in jax.tree.leaves(gradient) if jnp.issubdtype(g.dtype, jnp.floating)]

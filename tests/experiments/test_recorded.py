@@ -69,7 +69,9 @@ def road(graph, tmp_path_factory) -> RoadMap:
 
 @pytest.fixture(scope="module")
 def scene(road):
-    return scenes.prepare(road, CorridorParams(spacing=2.0), 3.0)
+    return scenes.prepare(
+        road.path.name, road.graph, recording=road.recording, params=CorridorParams(spacing=2.0), shortest=3.0
+    )
 
 
 def test_everybody_who_lasts_and_overlaps_nobody_is_replaced(scene):
@@ -98,10 +100,10 @@ def test_a_route_leads_on_and_changes_lanes_only_where_it_must(graph, scene):
     assert not np.asarray(route.change).any()
     assert links[0] == scene.starts[0].link
     assert float(graph.length[links].sum()) >= 300.0
-    assert not np.asarray(routes.find_route(graph, 1, (0, *routes.beside(graph, 0))).change).any()
-    assert np.asarray(routes.find_route(graph, 1, (0,)).change).sum() == 1
+    assert not np.asarray(routes.find_route(graph, 1, goals=(0, *routes.beside(graph, 0))).change).any()
+    assert np.asarray(routes.find_route(graph, 1, goals=(0,)).change).sum() == 1
     with pytest.raises(RouteError, match=r"none of the links \[0\] can be reached from link 2"):
-        routes.find_route(graph, 2, (0,))
+        routes.find_route(graph, 2, goals=(0,))
 
 
 def test_matching_follows_a_lane_change_and_ignores_noise(graph):
@@ -116,17 +118,23 @@ def test_matching_follows_a_lane_change_and_ignores_noise(graph):
 
 def test_nobody_to_replace_is_an_error(road):
     with pytest.raises(RouteError, match=r"made_up\.xml: nobody can be driven there"):
-        scenes.prepare(road, CorridorParams(), 100.0)
+        scenes.prepare(road.path.name, road.graph, recording=road.recording, params=CorridorParams(), shortest=100.0)
 
 
 def problem(goal: Goal, y=RIGHT) -> PlanningProblem:
     return PlanningProblem(5, (30.0, y), 0.0, 10.0, 0.0, (goal,))
 
 
+def posed_in(road, task: PlanningProblem, params: CorridorParams, own: VehicleParams | None = None):
+    return scenes.problems(
+        road.path.name, road.graph, recording=road.recording, tasks=(task,), params=params, vehicle=own
+    )
+
+
 def test_a_planning_problem_is_driven_by_the_stacks_own_vehicle_to_its_goal(road):
     goal = Goal(regions=(Region((200.0, LEFT), length=10.0, width=3.0),), time=(0.0, 15.0))
     own = VehicleParams(length=5.5)
-    posed = scenes.problems(dataclasses.replace(road, problems=(problem(goal),)), CorridorParams(spacing=2.0), own)
+    posed = posed_in(road, problem(goal), CorridorParams(spacing=2.0), own)
     (start,) = posed.starts
     assert (start.index, start.first, start.steps, start.link) == (None, 0, 151, 1)
     assert np.asarray(start.route.change).sum() == 1
@@ -134,7 +142,7 @@ def test_a_planning_problem_is_driven_by_the_stacks_own_vehicle_to_its_goal(road
     np.testing.assert_allclose(posed.vehicle.length, [5.5])
     np.testing.assert_allclose(posed.ego.position[0], [30.0 - own.centre_offset, RIGHT], atol=1e-5)
     with pytest.raises(RouteError, match="begins off the road"):
-        scenes.problems(dataclasses.replace(road, problems=(problem(goal, y=50.0),)), CorridorParams())
+        posed_in(road, problem(goal, y=50.0), CorridorParams())
 
 
 @pytest.mark.parametrize(
@@ -155,7 +163,7 @@ def test_a_goal_holds_where_all_that_it_names_holds(graph, scene, goal, reached)
     x = np.arange(41.0)
     path = np.stack([x, 0 * x, 0 * x], axis=1)
     start = dataclasses.replace(scene.starts[0], goals=(goal,))
-    assert goals.reached(start, graph, path, np.full(41, 10.0), 0.1) == reached
+    assert goals.reached(start, graph, path=path, speed=np.full(41, 10.0), period=0.1) == reached
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -24,7 +24,7 @@ def paths_of(tree) -> list[str]:
 def score_of(stack_params, params, course, lanes, start):
     params = params.replace(stack=stack_params)
     log, _ = rollout(params, course, lanes, start, N_STEPS)
-    return scores.score(log, params.vehicle, scores.ScoreParams(), params.stack.relaxation)
+    return scores.score(log, params.vehicle, params=scores.ScoreParams(), relaxation=params.stack.relaxation)
 
 
 def overtaking(params):

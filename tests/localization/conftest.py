@@ -50,7 +50,9 @@ class Street:
     def observe(self, ego: VehicleState, seed: int, lost: bool = False, lane_offset=None) -> Observation:
         """What the localizer sees there."""
         zero = jnp.zeros(())
-        scan = self._sweep(self.sensor, self.surroundings, None, ego, zero, jax.random.key(seed))
+        scan = self._sweep(
+            self.sensor, self.surroundings, vehicles=None, ego=ego, yaw_rate=zero, key=jax.random.key(seed)
+        )
         scan = scan.replace(valid=scan.valid & (not lost))
         odometry = Odometry(ego.speed, zero, zero, zero)
         nothing = {"objects": None, "signals": None}
@@ -59,7 +61,7 @@ class Street:
     def _mapped(self):
         for k, x in enumerate(range(10, 190, 4)):
             cloud = self._cloud(self.localizer, self.observe(self.ego(float(x), speed=0.0), 1000 + k))
-            yield cloud, mapping.matrix(float(x), 0.0, 0.0)
+            yield cloud, mapping.matrix(float(x), 0.0, heading=0.0)
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,12 @@ def states(scans: str, has_lane: bool = False, searched: bool = False) -> list[i
     now, seen = health.init().replace(searched=jnp.asarray(searched)), []
     for mark in scans:
         now = health.advance(
-            now, jnp.asarray(SCORES[mark]), jnp.asarray(mark == "!"), jnp.asarray(has_lane), 0.1, PARAMS
+            now,
+            jnp.asarray(SCORES[mark]),
+            adrift=jnp.asarray(mark == "!"),
+            has_lane=jnp.asarray(has_lane),
+            period=0.1,
+            params=PARAMS,
         )
         seen.append(int(now.health))
     return seen
@@ -59,5 +64,5 @@ def test_a_scan_that_fits_nowhere_is_searched_for_at_once():
 def test_literal_gate_is_eq_8():
     here = jaxlie.SE3.identity()
     there = jaxlie.SE3.from_translation(jnp.array([3.0, 4.0, 0.0]))
-    assert float(health.literal_gate(here, there, 64, 3.0)) == pytest.approx(5 / 192)
-    np.testing.assert_allclose(health.literal_gate(here, there, 1, 2.5), 2.0)
+    assert float(health.literal_gate(here, there, iterations=64, max_distance=3.0)) == pytest.approx(5 / 192)
+    np.testing.assert_allclose(health.literal_gate(here, there, iterations=1, max_distance=2.5), 2.0)

@@ -98,9 +98,9 @@ def test_held_in_the_lane_that_the_camera_sees(street, drive):
     graph, pose = street.graph, drive.states[5].pose
     seen = jnp.asarray(0.4)
     off_lane, keep = jax.jit(lidar.off_lane), jax.jit(lidar._keep_lane)
-    aside = off_lane(graph, pose, seen)
+    aside = off_lane(graph, pose, seen=seen)
     kept = keep(graph, pose, aside, jnp.asarray(True))
-    assert abs(float(off_lane(graph, kept, seen))) < 1e-4
+    assert abs(float(off_lane(graph, kept, seen=seen))) < 1e-4
     assert abs(float(kept.translation()[0] - pose.translation()[0])) < 1e-4
     left_alone = keep(graph, pose, aside, jnp.asarray(False))
     np.testing.assert_array_equal(left_alone.parameters(), pose.parameters())
@@ -121,8 +121,8 @@ def test_pose_follows_the_map_by_gradient(street, drive):
 
 def test_window_holds_what_the_whole_map_holds(street):
     params = street.localizer.sliding.cut
-    window, missed = jax.jit(voxelmap.cut, static_argnums=())(
-        street.map, jnp.array([100.0, 0.0, 0.0]), jnp.asarray(30.0), params
+    window, missed = jax.jit(voxelmap.cut)(
+        street.map, jnp.array([100.0, 0.0, 0.0]), radius=jnp.asarray(30.0), params=params
     )
     place = (street.map.cell + street.map.first[None]) * street.map.resolution + street.map.rows[:, :3]
     inside = np.hypot(place[:, 0] - 100.0, place[:, 1]) < 30.0

@@ -31,16 +31,16 @@ def scattered(n: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def test_a_window_is_what_registration_builds(method):
     position, covariance = scattered(4000)
     params = MapParams(resolution=1.0, shape=CUT.shape, method=method)
-    world = voxelise(position, covariance, np.ones(len(position)), params, tile=4)
+    world = voxelise(position, covariance, count=np.ones(len(position)), params=params, tile=4)
     centre = jnp.array([0.3, -0.2, 0.1])
-    window, missed = cut(world, centre, jnp.asarray(100.0), CutParams(capacity=2048, shape=CUT.shape))
+    window, missed = cut(world, centre, radius=jnp.asarray(100.0), params=CutParams(capacity=2048, shape=CUT.shape))
     points = registration.PointCloud(
         jnp.asarray(position.T, jnp.float32),
         jnp.asarray(covariance.T, jnp.float32),
         jnp.zeros((3, len(position))),
         jnp.ones(len(position), bool),
     )
-    built = registration.build(points, as_arrays(params), centre)
+    built = registration.build(points, as_arrays(params), centre=centre)
     assert int(missed) == 0
     np.testing.assert_allclose(window.origin, built.origin)
     ours, theirs = window.rows[window.table], built.rows[built.table]
@@ -51,16 +51,18 @@ def test_a_window_is_what_registration_builds(method):
 
 def test_a_window_that_is_too_small_says_so():
     position, covariance = scattered(4000)
-    world = voxelise(position, covariance, np.ones(len(position)), MapParams(), tile=4)
-    window, missed = cut(world, jnp.zeros(3), jnp.asarray(100.0), CutParams(capacity=100, shape=CUT.shape))
+    world = voxelise(position, covariance, count=np.ones(len(position)), params=MapParams(), tile=4)
+    window, missed = cut(
+        world, jnp.zeros(3), radius=jnp.asarray(100.0), params=CutParams(capacity=100, shape=CUT.shape)
+    )
     assert int((window.rows[:, 9] > 0).sum()) == 100
     assert int(missed) == world.cell.shape[0] - 100
 
 
 def test_outside_the_map_there_is_nothing():
     position, covariance = scattered()
-    world = voxelise(position, covariance, np.ones(len(position)), MapParams(), tile=4)
-    window, _ = cut(world, jnp.array([900.0, -900.0, 0.0]), jnp.asarray(50.0), CUT)
+    world = voxelise(position, covariance, count=np.ones(len(position)), params=MapParams(), tile=4)
+    window, _ = cut(world, jnp.array([900.0, -900.0, 0.0]), radius=jnp.asarray(50.0), params=CUT)
     assert int((window.rows[:, 9] > 0).sum()) == 0
 
 
@@ -69,8 +71,8 @@ def test_scans_are_merged_by_voxel_in_double_precision():
     at = np.array([[2.1, 0.3, 0.2]], np.float32)
     one = registration.cloud(jnp.asarray(at))
     two = registration.cloud(jnp.asarray(at - [[1.0, 0, 0]]))
-    here, there = mapping.matrix(5000.0, 3000.0, 0.0), mapping.matrix(5001.0, 3000.0, 0.0)
-    points = mapping.build([(one, here), (two, there)], 0.25, (5000.0, 3000.0, 0.0))
+    here, there = mapping.matrix(5000.0, 3000.0, heading=0.0), mapping.matrix(5001.0, 3000.0, heading=0.0)
+    points = mapping.build([(one, here), (two, there)], 0.25, origin=(5000.0, 3000.0, 0.0))
     np.testing.assert_allclose(points.position, at, atol=1e-6)
     np.testing.assert_array_equal(points.count, [2])
 
@@ -82,7 +84,7 @@ def test_turned_scans_turn_their_covariances():
         jnp.zeros((3, 1)),
         jnp.ones(1, bool),
     )
-    points = mapping.build([(flat, mapping.matrix(0.0, 0.0, np.pi / 2))], 0.25)
+    points = mapping.build([(flat, mapping.matrix(0.0, 0.0, heading=np.pi / 2))], 0.25)
     np.testing.assert_allclose(points.covariance[0], [1.0, 0, 0, 1e-3, 0, 1.0], atol=1e-6)
     np.testing.assert_allclose(points.position[0], [0.0, 1.0, 0.0], atol=1e-6)
 
@@ -93,7 +95,7 @@ def test_a_map_of_nothing_is_refused():
     position, covariance = scattered(5)
     position[0, 0] = np.nan
     with pytest.raises(CloudError, match="finite"):
-        voxelise(position, covariance, np.ones(5), MapParams())
+        voxelise(position, covariance, count=np.ones(5), params=MapParams())
 
 
 @pytest.fixture

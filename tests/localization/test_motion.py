@@ -18,7 +18,7 @@ def odometry(speed: float, yaw_rate: float) -> Odometry:
 @pytest.mark.parametrize("yaw_rate", [0.0, 1e-4, 0.02, -0.7, 3.0])
 @pytest.mark.parametrize("time", [-0.1, 0.0, 0.05, 2.0])
 def test_arc_is_a_circle(yaw_rate, time):
-    x, y, heading = motion.arc(*map(jnp.asarray, (8.0, yaw_rate, time)))
+    x, y, heading = motion.arc(jnp.asarray(8.0), jnp.asarray(yaw_rate), time=jnp.asarray(time))
     radius, turn = np.float64(8.0) / (yaw_rate or 1.0), yaw_rate * time
     expected = (radius * np.sin(turn), 2 * radius * np.sin(turn / 2) ** 2) if yaw_rate else (8.0 * time, 0.0)
     np.testing.assert_allclose([x, y], expected, atol=2e-6, rtol=1e-6)
@@ -26,7 +26,7 @@ def test_arc_is_a_circle(yaw_rate, time):
 
 
 def test_arc_has_a_derivative_on_the_straight():
-    slope = jax.grad(lambda w: motion.arc(jnp.asarray(8.0), w, jnp.asarray(2.0))[1])(0.0)
+    slope = jax.grad(lambda w: motion.arc(jnp.asarray(8.0), w, time=jnp.asarray(2.0))[1])(0.0)
     np.testing.assert_allclose(slope, 8.0 * 2.0**2 / 2, rtol=1e-4)
 
 
@@ -35,12 +35,14 @@ def test_a_sweep_without_its_motion_stands_on_the_wall(street):
     noiseless = street.sensor.replace(noise=jnp.zeros(()), dropout=jnp.zeros(()))
     ego = street.ego(80.0, speed=15.0)
     yaw_rate = jnp.asarray(0.6)
-    scan = street._sweep(noiseless, street.surroundings, None, ego, yaw_rate, jax.random.key(0))
+    scan = street._sweep(
+        noiseless, street.surroundings, vehicles=None, ego=ego, yaw_rate=yaw_rate, key=jax.random.key(0)
+    )
     turn = jaxlie.SO3.identity()
     mount = jaxlie.SE3.from_rotation_and_translation(turn, jnp.array([street.sensor.x, 0.0, 1.57]))
     moving = odometry(15.0, 0.6)
-    points = motion.deskew(scan, mount, moving)[scan.valid.reshape(-1)]
-    raw = motion.deskew(scan, mount, odometry(0.0, 0.0))[scan.valid.reshape(-1)]
+    points = motion.deskew(scan, mount, odometry=moving)[scan.valid.reshape(-1)]
+    raw = motion.deskew(scan, mount, odometry=odometry(0.0, 0.0))[scan.valid.reshape(-1)]
     x, y = np.asarray(points[:, 0]) + 80.0, np.asarray(points[:, 1])
     assert np.abs(np.asarray(points - raw)).max() > 0.5
 

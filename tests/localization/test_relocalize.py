@@ -20,12 +20,12 @@ PARAMS = RelocalizeParams(starts=24, finalists=4)
 @pytest.fixture(scope="module")
 def search(street):
     run = jax.jit(relocalize.relocalize)
-    return functools.partial(run, as_arrays(PARAMS), street.localizer, street.map)
+    return functools.partial(run, as_arrays(PARAMS), street.localizer, world=street.map)
 
 
 def test_starts_are_the_nearest_lane_points(street, drive):
     pose = drive.states[5].pose
-    starts = relocalize.lane_starts(street.graph, pose, 24)
+    starts = relocalize.lane_starts(street.graph, pose, count=24)
     here = np.asarray(pose.translation())[:2]
     away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - here, axis=1)
     everywhere = np.linalg.norm(np.asarray(street.graph.centre).reshape(-1, 2) - here, axis=1)
@@ -38,7 +38,7 @@ def test_crossing_lanes_share_their_starts():
     corner = int(np.argmax(np.asarray(graph.has_conflict).sum(1)))
     middle = graph.centre[corner, 16]
     pose = jaxlie.SE3.from_translation(jnp.array([middle[0], middle[1], 0.0]))
-    starts = jax.jit(relocalize.lane_starts, static_argnums=2)(graph, pose, 64)
+    starts = jax.jit(relocalize.lane_starts, static_argnames="count")(graph, pose, count=64)
     away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - np.asarray(middle), axis=1)
     nearest = np.sort(np.linalg.norm(np.asarray(graph.centre).reshape(-1, 2) - np.asarray(middle), axis=1))[:64]
     assert away.max() > 1.2 * nearest.max()
@@ -49,7 +49,8 @@ def test_crossing_lanes_share_their_starts():
 def test_a_vehicle_put_elsewhere_is_found(street, drive, search):
     lost = drive.states[5]  # believes to be at x = 64
     seen = street.observe(street.ego(78.0), 9)
-    found, state = search(lost, seen, relocalize.lane_starts(street.graph, lost.pose, 24))
+    starts = relocalize.lane_starts(street.graph, lost.pose, count=24)
+    found, state = search(state=lost, observation=seen, starts=starts)
     assert bool(found.found)
     np.testing.assert_allclose(state.pose.translation()[:2], [78.0, 0.0], atol=0.1)
     assert int(state.monitor.health) == Health.PREDICT
@@ -61,6 +62,7 @@ def test_what_is_not_there_is_not_found(street, drive, search):
     lost = drive.states[5]
     seen = street.observe(street.ego(150.0), 9)
     empty = seen.replace(scan=seen.scan.replace(valid=jnp.zeros_like(seen.scan.valid)))
-    found, state = search(lost, empty, relocalize.lane_starts(street.graph, lost.pose, 24))
+    starts = relocalize.lane_starts(street.graph, lost.pose, count=24)
+    found, state = search(state=lost, observation=empty, starts=starts)
     assert not bool(found.found)
     np.testing.assert_array_equal(state.pose.parameters(), lost.pose.parameters())

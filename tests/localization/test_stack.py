@@ -28,7 +28,7 @@ def test_a_lost_pose_stops_the_vehicle(health):
 def test_without_a_map_the_localizer_says_what_it_needs(street):
     params = loop_params()
     params = as_arrays(params.replace(stack=params.stack.replace(localizer="lidar", lidar=street.localizer)))
-    course = course_between(street.graph, 1, 1)
+    course = course_between(street.graph, 1, goal=1)
     state = stack.init(params.handed_down()[0], course, street.ego(60.0).pose)
     with pytest.raises(ScenarioError, match=r"course\.map"):
         stack.step(params.handed_down()[0], course, state, street.observe(street.ego(60.0), 0))
@@ -43,7 +43,7 @@ def test_closed_loop_on_poses_from_scans(street):
         sensor=street.sensor,
     )
     params, family = as_arrays((params, OvertakeParams(start=40.0, length=200.0, crowded=0.0)))
-    course = course_between(street.graph, 1, 1).replace(map=street.map)
+    course = course_between(street.graph, 1, goal=1).replace(map=street.map)
     lanes = tables.from_graph(street.graph)
     start = overtake.sample(jax.random.key(2), family, vehicle=params.vehicle, others=params.sim.traffic).world
     sensing = Sensing(street.surroundings, jax.random.key(5))

@@ -22,7 +22,7 @@ preprocess_jit, build_jit, align_jit = (
 
 def prepared(points: np.ndarray, resolution: float) -> PointCloud:
     params = PreprocessParams(downsample=DownsampleParams(resolution=resolution, capacity=16384))
-    cloud, info = preprocess_jit(*registration.padded(points, CAPACITY), as_arrays(params))
+    cloud, info = preprocess_jit(*registration.padded(points, CAPACITY), params=as_arrays(params))
     assert int(info.dropped) == 0
     return cloud
 
@@ -38,7 +38,7 @@ def test_outdoor_pair(data_dir):
     folder = data_dir / "lidar" / "outdoor_pair"
     source, target = (prepared(pointclouds.read(folder / f"{name}.ply"), 0.25) for name in ("source", "target"))
     world = build_jit(target, as_arrays(MapParams()))
-    found = align_jit(source, world, jaxlie.SE3.identity(), as_arrays(AlignParams()))
+    found = align_jit(source, world, start=jaxlie.SE3.identity(), params=as_arrays(AlignParams()))
     metres, degrees = error(found.pose, read_matrix(folder / "T_target_source.txt"))
     assert bool(found.converged)
     assert float(found.inlier_share) > 0.8
@@ -54,7 +54,7 @@ def test_every_step_of_kitti(data_dir):
     for k, pose in enumerate(poses):
         scan = prepared(pointclouds.read(folder / f"{k:06d}.bin"), 0.5)
         if before is not None:
-            found = align_jit(scan, before, step, params)
+            found = align_jit(scan, before, start=step, params=params)
             metres, degrees = error(found.pose, np.linalg.inv(poses[k - 1]) @ pose)
             assert bool(found.converged)
             assert metres < 0.03, (k, metres)
@@ -70,7 +70,7 @@ def test_ouster_steps(data_dir):
     scans = [prepared(pointclouds.read(file, f"scan{k}"), 0.5) for k in range(3)]
     for k in (1, 2):
         world = build_jit(scans[k - 1], as_arrays(MapParams()))
-        found = align_jit(scans[k], world, jaxlie.SE3.identity(), as_arrays(AlignParams()))
+        found = align_jit(scans[k], world, start=jaxlie.SE3.identity(), params=as_arrays(AlignParams()))
         metres, _ = error(found.pose, np.linalg.inv(poses[k - 1]) @ poses[k])
         assert bool(found.converged)
         assert metres < 0.03, (k, metres)

@@ -31,7 +31,7 @@ def test_finds_the_pose(method, neighbours, pair, truth, align_jit, build_jit):
     source, target = pair
     world = build_jit(target, as_arrays(MAP.replace(method=method)))
     params = AlignParams(neighbours=neighbours, factor=FactorParams(max_distance=3.0))
-    found = align_jit(source, world, START(), as_arrays(params))
+    found = align_jit(source, world, start=START(), params=as_arrays(params))
     metres, radians = error_of(found.pose, truth)
     assert bool(found.converged)
     assert float(found.inlier_share) > (0.9 if method == "vgicp" else 0.4)
@@ -77,7 +77,9 @@ def test_system_equals_the_equations(weight, kernel, pair, x64):
     world = jax.jit(registration.build)(target, as_arrays(MAP))
     factor = FactorParams(weight=weight, kernel=kernel, kernel_scale=1.5)
     start = jaxlie.SE3.exp(jnp.array([0.3, -0.2, 0.05, 0.01, -0.01, 0.04]))
-    found = jax.jit(registration.align)(source, world, start, as_arrays(AlignParams(factor=factor, max_iterations=1)))
+    found = jax.jit(registration.align)(
+        source, world, start=start, params=as_arrays(AlignParams(factor=factor, max_iterations=1))
+    )
     hessian, gradient, cost = oracle(source, world, np.asarray(start.as_matrix()), factor)
     np.testing.assert_allclose(found.hessian, hessian, rtol=0, atol=1e-10 * np.abs(hessian).max())
     np.testing.assert_allclose(found.gradient, gradient, rtol=0, atol=1e-10 * np.abs(gradient).max())
@@ -95,7 +97,7 @@ def test_gradient_is_that_of_the_fixed_point(pair, x64):
             position=source.position + amount * points, covariance=source.covariance + amount * shapes
         )
         moved = world.replace(rows=world.rows + amount * rows)
-        return registration.align(cloud, moved, START(), params).pose.wxyz_xyz
+        return registration.align(cloud, moved, start=START(), params=params).pose.wxyz_xyz
 
     points, shapes, rows = (rng.normal(size=x.shape) for x in (source.position, source.covariance, world.rows))
     rows[:, 9] = 0
@@ -120,9 +122,11 @@ def test_a_batch_of_starts_equals_the_runs_one_by_one(pair, x64):
     params = as_arrays(AlignParams())
     twists = 0.1 * np.random.default_rng(1).normal(size=(64, 6))
     starts = jax.vmap(jaxlie.SE3.exp)(jnp.asarray(twists))
-    one = jax.jit(lambda start: registration.align(source, world, start, params))
-    together = jax.jit(jax.vmap(lambda start: registration.align(source, world, start, params)))(starts)
-    in_turn = jax.jit(lambda starts: registration.align_starts(source, world, starts, params, at_once=4))(starts)
+    one = jax.jit(lambda start: registration.align(source, world, start=start, params=params))
+    together = jax.jit(jax.vmap(lambda start: registration.align(source, world, start=start, params=params)))(starts)
+    in_turn = jax.jit(lambda starts: registration.align_starts(source, world, starts=starts, params=params, at_once=4))(
+        starts
+    )
     for i in range(len(twists)):
         alone = one(jax.tree.map(lambda x, i=i: x[i], starts))
         for many in (together, in_turn):
@@ -134,10 +138,10 @@ def test_kilometres_from_the_origin_the_answer_is_the_same_within_a_millimetre(p
     source, target = pair
     far = np.array([4000.0, -3000.0, 30.0], np.float32)
     params, maps = as_arrays((AlignParams(), MAP))
-    near = align_jit(source, build_jit(target, maps), START(), params).pose
+    near = align_jit(source, build_jit(target, maps), start=START(), params=params).pose
     moved = target.replace(position=target.position + far[:, None])
     start = jaxlie.SE3.from_translation(jnp.asarray(far))
-    away = align_jit(source, build_jit(moved, maps), start, params).pose
+    away = align_jit(source, build_jit(moved, maps), start=start, params=params).pose
     np.testing.assert_allclose(away.translation() - far, near.translation(), atol=1e-3)
     np.testing.assert_allclose(away.rotation().as_matrix(), near.rotation().as_matrix(), atol=1e-4)
 
@@ -145,10 +149,17 @@ def test_kilometres_from_the_origin_the_answer_is_the_same_within_a_millimetre(p
 def test_nothing_in_common_is_a_value(pair, align_jit, build_jit):
     source, target = pair
     world = build_jit(target, as_arrays(MAP))
-    lost = align_jit(source, world, jaxlie.SE3.from_translation(jnp.array([500.0, 0.0, 0.0])), as_arrays(AlignParams()))
+    lost = align_jit(
+        source,
+        world,
+        start=jaxlie.SE3.from_translation(jnp.array([500.0, 0.0, 0.0])),
+        params=as_arrays(AlignParams()),
+    )
     assert float(lost.inliers) == 0
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(lost) if leaf.dtype != bool)
-    empty = align_jit(source.replace(valid=jnp.zeros_like(source.valid)), world, START(), as_arrays(AlignParams()))
+    empty = align_jit(
+        source.replace(valid=jnp.zeros_like(source.valid)), world, start=START(), params=as_arrays(AlignParams())
+    )
     assert float(empty.inlier_share) == 0
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(empty) if leaf.dtype != bool)
 
@@ -158,7 +169,7 @@ def test_covariance_predicts_the_scatter_of_the_answers(align_jit, build_jit):
     world = build_jit(covered(courtyard(1000, 100)), maps)
     twists, sizes = [], []
     for seed in range(20):
-        found = align_jit(covered(courtyard(1000, seed)), world, START(), params)
+        found = align_jit(covered(courtyard(1000, seed)), world, start=START(), params=params)
         twists.append(np.asarray(found.pose.log()))
         sizes.append(np.sqrt(np.diagonal(np.asarray(found.covariance))))
     scatter = np.std(twists, axis=0)[[3, 4, 5, 0, 1, 2]]

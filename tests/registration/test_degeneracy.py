@@ -29,7 +29,9 @@ def faces(seed: int, walls: str, size: float = 1.0) -> np.ndarray:
 
 def seen(walls: str, align_jit, build_jit, size: float = 1.0):
     world = build_jit(covered(faces(1, walls, size)), as_arrays(MAP))
-    found = align_jit(covered(faces(2, walls, size)), world, jaxlie.SE3.identity(), as_arrays(AlignParams()))
+    found = align_jit(
+        covered(faces(2, walls, size)), world, start=jaxlie.SE3.identity(), params=as_arrays(AlignParams())
+    )
     return degeneracy_jit(found.hessian)
 
 

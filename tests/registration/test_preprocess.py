@@ -29,7 +29,7 @@ def ordered(points: np.ndarray) -> np.ndarray:
 def test_voxel_means_equal_numpy():
     points = courtyard(2000, 0, noise=0.3)
     params = as_arrays(DownsampleParams(resolution=2.0, capacity=512))
-    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool), params)
+    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool), params=params)
     expected = voxel_means(points, 2.0)
     found = np.asarray(cloud.position).T[np.asarray(cloud.valid)]
     assert int(dropped) == 0
@@ -41,7 +41,7 @@ def test_what_does_not_fit_is_counted_and_what_is_not_finite_does_not_count():
     points = courtyard(2000, 0)
     points[:5] = np.nan
     params = as_arrays(DownsampleParams(resolution=2.0, capacity=16))
-    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool).at[5:10].set(False), params)
+    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(2000, bool).at[5:10].set(False), params=params)
     assert int(cloud.valid.sum()) == 16
     assert int(dropped) == len(voxel_means(points[10:], 2.0)) - 16
     assert np.isfinite(np.asarray(cloud.position)).all()
@@ -115,7 +115,7 @@ def test_too_few_points_have_no_surface():
 
 def test_padding_takes_the_origin_off_in_double_precision():
     points = courtyard(100, 0) + np.array([4e6, -3e6, 0.0])
-    position, valid = registration.padded(points, 128, (4e6, -3e6, 0.0))
+    position, valid = registration.padded(points, 128, origin=(4e6, -3e6, 0.0))
     assert position.shape == (128, 3)
     assert valid.sum() == 100
     np.testing.assert_allclose(position[:100], courtyard(100, 0), atol=1e-6)

@@ -59,12 +59,12 @@ def test_leader_beyond_the_link_is_seen(road):
 
 def test_vehicle_whose_tail_is_on_the_link_behind_is_seen_there(road):
     traffic = road.traffic({"x": 249.0, "lane": 1, "speed": 10.0})
-    moved = agents.move(road.lanes, traffic, jnp.zeros(8), road.params.traffic, 0.2)
+    moved = agents.move(road.lanes, traffic, acceleration=jnp.zeros(8), params=road.params.traffic, dt=0.2)
     assert int(moved.link[0]) == 3
     assert bool(moved.has_other[0])
     assert int(moved.other[0]) == 1
     np.testing.assert_allclose(moved.other_station[0], 251.0, rtol=1e-6)
-    gone = agents.move(road.lanes, moved, jnp.zeros(8), road.params.traffic, 0.5)
+    gone = agents.move(road.lanes, moved, acceleration=jnp.zeros(8), params=road.params.traffic, dt=0.5)
     assert not bool(gone.has_other[0])
 
 
@@ -78,10 +78,10 @@ def test_motion_is_continuous_from_link_to_link_in_a_curve():
 
     @jax.jit
     def substep(traffic):
-        chain = agents.chain_of(lanes, traffic, params)
-        wanted = agents.follow(lanes, traffic, chain, jnp.zeros_like(traffic.speed), params)
-        traffic = agents.move(lanes, traffic, wanted, params, 0.05)
-        return traffic, agents.objects(lanes, traffic, params)
+        chain = agents.chain_of(lanes, traffic, params=params)
+        wanted = agents.follow(lanes, traffic, chain=chain, braking=jnp.zeros_like(traffic.speed), params=params)
+        traffic = agents.move(lanes, traffic, acceleration=wanted, params=params, dt=0.05)
+        return traffic, agents.objects(lanes, traffic, params=params)
 
     places, headings, speeds = [], [], []
     for _ in range(280):

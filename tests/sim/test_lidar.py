@@ -41,7 +41,7 @@ def ego(x=0.0, y=0.0, heading=0.0, speed=0.0):
 
 def scan_of(surroundings, vehicles=None, at=None, yaw_rate=0.0, params=EXACT, key=KEY):
     vehicles, at = cars() if vehicles is None else vehicles, ego() if at is None else at
-    return jax.device_get(SWEEP(params, surroundings, vehicles, at, as_arrays(yaw_rate), key))
+    return jax.device_get(SWEEP(params, surroundings, vehicles=vehicles, ego=at, yaw_rate=as_arrays(yaw_rate), key=key))
 
 
 def body_at(at, yaw_rate, time):
@@ -194,8 +194,9 @@ def test_batch_is_a_loop():
     keys = jax.random.split(KEY, 2)
     street = prisms(*ROOM, {"x": 6.0, "y": 5.0})
     rate = jnp.asarray(0.1)
-    many = jax.jit(jax.vmap(sweep, in_axes=(None, None, None, 0, None, 0)))
-    stacked = jax.device_get(many(NOISY, street, cars(), jax.tree.map(lambda *v: jnp.stack(v), *ahead), rate, keys))
+    egos = jax.tree.map(lambda *v: jnp.stack(v), *ahead)
+    many = jax.vmap(lambda ego, key: sweep(NOISY, street, vehicles=cars(), ego=ego, yaw_rate=rate, key=key))
+    stacked = jax.device_get(jax.jit(many)(egos, keys))
     for k in range(2):
         one = scan_of(street, at=ahead[k], yaw_rate=0.1, params=NOISY, key=keys[k])
         np.testing.assert_array_equal(one.valid, stacked.valid[k])
@@ -210,10 +211,11 @@ def test_another_scene_compiles_nothing():
         if event.endswith("backend_compile_duration"):
             compiled.append(event)
 
-    others = prisms(WALL), cars((9.0, 3.0, 0.2, 5.0)), ego(1.0, 2.0, 0.3, 4.0), as_arrays(0.3)
+    others = {"vehicles": cars((9.0, 3.0, 0.2, 5.0)), "ego": ego(1.0, 2.0, 0.3, 4.0), "yaw_rate": as_arrays(0.3)}
+    surroundings, key = prisms(WALL), jax.random.key(5)
     jax.monitoring.register_event_duration_secs_listener(count)
     try:
-        SWEEP(NOISY, *others, jax.random.key(5))
+        SWEEP(NOISY, surroundings, **others, key=key)
     finally:
         jax.monitoring.unregister_event_duration_listener(count)
     assert not compiled
@@ -224,7 +226,8 @@ def test_range_has_the_derivative_of_the_motion_towards_the_wall():
 
     def ahead(x, speed):
         at = ego().replace(position=jnp.stack([x, jnp.zeros(())]), speed=speed)
-        return sweep(EXACT, prisms(*ROOM), cars(), at, jnp.zeros(()), KEY).position[0, column, 0]
+        scan = sweep(EXACT, prisms(*ROOM), vehicles=cars(), ego=at, yaw_rate=jnp.zeros(()), key=KEY)
+        return scan.position[0, column, 0]
 
     by_x, by_speed = jax.jit(jax.jacfwd(ahead, argnums=(0, 1)))(jnp.zeros(()), jnp.asarray(4.0))
     assert by_x == pytest.approx(-1.0, abs=1e-5)

@@ -79,8 +79,8 @@ def test_rays_agree_with_brute_force():
     wrong, total, prisms = 0, 0, 0
     for seed in range(10):
         furniture, vehicles, state, yaw_rate = scene(seed)
-        args = (as_arrays(furniture), as_arrays(vehicles), as_arrays(state), as_arrays(yaw_rate))
-        scan = jax.device_get(run(as_arrays(PARAMS), *args, jax.random.key(0)))
+        args = {"vehicles": as_arrays(vehicles), "ego": as_arrays(state), "yaw_rate": as_arrays(yaw_rate)}
+        scan = jax.device_get(run(as_arrays(PARAMS), as_arrays(furniture), **args, key=jax.random.key(0)))
         reach, shine = oracle(furniture, vehicles, state, yaw_rate)
         there = np.isfinite(reach)
         found = np.linalg.norm(scan.position, axis=-1)

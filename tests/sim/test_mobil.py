@@ -26,7 +26,7 @@ def test_changes_lane_behind_a_slow_vehicle_and_passes(road):
 
 def test_lane_change_is_smooth_and_takes_three_seconds(road):
     states = road.roll(road.world(road.traffic(SLOW, FAST)), 200)
-    boxes = [agents.objects(road.lanes, state.traffic, road.params.traffic) for state in states]
+    boxes = [agents.objects(road.lanes, state.traffic, params=road.params.traffic) for state in states]
     y = np.array([box.position[1, 1] for box in boxes])
     assert np.abs(np.diff(y)).max() < 0.25
     assert np.abs(np.diff(y, 2)).max() < 0.03
@@ -108,15 +108,15 @@ def test_decision_equals_highway_env():
             made["ego"].POLITENESS = 0.4
 
             def acceleration(who, front, x=x, speed=speed):
-                arrays = [jnp.asarray(v) for v in (speed[who], 28.0, x[front] - x[who], speed[front])]
-                return idm_acceleration(*arrays, params)
+                own, wanted, gap, ahead = (jnp.asarray(v) for v in (speed[who], 28.0, x[front] - x[who], speed[front]))
+                return idm_acceleration(own, wanted, gap=gap, front_speed=ahead, params=params)
 
             imposed = acceleration("new_follower", "ego")
             gain = incentive(
                 acceleration("ego", "new_leader") - acceleration("ego", "old_leader"),
                 imposed - acceleration("new_follower", "new_leader"),
-                acceleration("old_follower", "old_leader") - acceleration("old_follower", "ego"),
-                jnp.asarray(0.4),
+                old_follower_gain=acceleration("old_follower", "old_leader") - acceleration("old_follower", "ego"),
+                politeness=jnp.asarray(0.4),
             )
             ours = bool((imposed >= -2.0) & (gain >= 0.2))
             agreed += ours == made["ego"].mobil(("0", "1", 1))

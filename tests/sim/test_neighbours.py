@@ -38,13 +38,15 @@ def test_equals_plain_search(scene):
     graph, lanes, link, station, exists, route = scene
     n = len(link)
     place = jnp.asarray(link, jnp.int32), jnp.asarray(station, jnp.float32)
-    chain = look_ahead(lanes, *place, jnp.asarray(route, jnp.int32), jnp.asarray(exists), 3)
+    chain = look_ahead(
+        lanes, place[0], station=place[1], choice=jnp.asarray(route, jnp.int32), exists=jnp.asarray(exists), n_links=3
+    )
     speed = jnp.asarray(np.random.default_rng(1).uniform(0, 10, n), jnp.float32)
     at = jnp.where(jnp.asarray(exists), place[1], -FAR)
     bodies = Bodies(place[0], at, place[0], jnp.full(n, -FAR), jnp.full(n, 2.0), speed)
     seen = jnp.asarray(exists)[:, None] & ~jnp.eye(n, dtype=bool)
-    front = nearest(ahead(chain, bodies, seen), bodies, bodies.half)
-    back = nearest(behind(chain, bodies.link, at, seen), bodies, bodies.half)
+    front = nearest(ahead(chain, bodies, seen=seen), bodies, half=bodies.half)
+    back = nearest(behind(chain, bodies.link, station=at, seen=seen), bodies, half=bodies.half)
 
     distance = np.full((n, n), np.inf)  # [driver, vehicle]
     for i in np.flatnonzero(exists):
@@ -67,10 +69,17 @@ def test_absent_vehicles_see_and_are_seen_by_nobody(scene):
     n = len(link)
     nobody = jnp.zeros(n, bool)
     links = jnp.asarray(link, jnp.int32)
-    chain = look_ahead(lanes, links, jnp.asarray(station, jnp.float32), jnp.asarray(route, jnp.int32), nobody, 3)
+    chain = look_ahead(
+        lanes,
+        links,
+        station=jnp.asarray(station, jnp.float32),
+        choice=jnp.asarray(route, jnp.int32),
+        exists=nobody,
+        n_links=3,
+    )
     far = jnp.full(n, -FAR)
     bodies = Bodies(links, far, links, far, jnp.full(n, 2.0), jnp.zeros(n))
-    found = nearest(ahead(chain, bodies, ~jnp.eye(n, dtype=bool)), bodies, bodies.half)
+    found = nearest(ahead(chain, bodies, seen=~jnp.eye(n, dtype=bool)), bodies, half=bodies.half)
     assert not bool(found.exists.any())
     assert np.all(np.asarray(found.gap) == FAR)
 
@@ -78,8 +87,8 @@ def test_absent_vehicles_see_and_are_seen_by_nobody(scene):
 def test_side_by_side_is_not_overlooked(scene):
     _, lanes, *_ = scene
     links, station = jnp.zeros(2, jnp.int32), jnp.asarray([20.0, 20.0])
-    chain = look_ahead(lanes, links, station, links, jnp.ones(2, bool), 2)
+    chain = look_ahead(lanes, links, station=station, choice=links, exists=jnp.ones(2, bool), n_links=2)
     bodies = Bodies(links, station, links, jnp.full(2, -FAR), jnp.full(2, 2.0), jnp.asarray([3.0, 5.0]))
-    found = nearest(ahead(chain, bodies, ~jnp.eye(2, dtype=bool)), bodies, bodies.half)
+    found = nearest(ahead(chain, bodies, seen=~jnp.eye(2, dtype=bool)), bodies, half=bodies.half)
     np.testing.assert_allclose(found.gap, [-4.0, -4.0])
     np.testing.assert_allclose(found.speed, [5.0, 3.0])

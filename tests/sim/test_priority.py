@@ -102,7 +102,7 @@ def test_yielding_road_gives_way_and_nobody_collides(road, unsignalised, head_st
     assert into[0] < into[1]
     speeds = np.array([state.traffic.speed[1] for state in states[: into[1]]])
     assert speeds.min() < 7
-    objects = jax.jit(lambda t: metrics.overlaps(agents.objects(unsignalised, t, road.params.traffic)))
+    objects = jax.jit(lambda t: metrics.overlaps(agents.objects(unsignalised, t, params=road.params.traffic)))
     assert not any(bool(objects(state.traffic).any()) for state in states)
 
 
@@ -113,7 +113,7 @@ def test_waits_for_the_oncoming_before_turning_left(road, crossing):
     turning = {"from": "west", "before": 30.0, "speed": 8.0, "route": left}
     world = road.world(put(road, crossing, turning, {"from": "east", "before": 45.0, "speed": 10.0}))
     states = road.roll(world.replace(signals=always([True] * 4)), 150, lanes=crossing)
-    objects = jax.jit(lambda t: metrics.overlaps(agents.objects(crossing, t, road.params.traffic)))
+    objects = jax.jit(lambda t: metrics.overlaps(agents.objects(crossing, t, params=road.params.traffic)))
     assert not any(bool(objects(state.traffic).any()) for state in states)
     into = [
         next(k for k, s in enumerate(states) if int(s.traffic.link[i]) != int(world.traffic.link[i])) for i in (0, 1)

@@ -18,10 +18,16 @@ HARD, SOFT = Relaxation(), Relaxation(temperature=0.1, mode="soft")
 def _braking(lanes, params, traffic, ego, link, relaxation):
     centre = box_centre(ego, params.vehicle)
     seen = reaction.presence(
-        lanes, reaction.own_link(lanes, link, centre, ego.heading), ego, params.vehicle, params.reaction
+        lanes,
+        reaction.own_link(lanes, link, centre=centre, heading=ego.heading),
+        ego=ego,
+        vehicle=params.vehicle,
+        params=params.reaction,
     )
-    chain = agents.chain_of(lanes, traffic, params.traffic)
-    return reaction.braking(seen, traffic, chain, params.traffic, params.reaction, relaxation)[0]
+    chain = agents.chain_of(lanes, traffic, params=params.traffic)
+    return reaction.braking(
+        seen, traffic, chain=chain, params=params.traffic, reaction=params.reaction, relaxation=relaxation
+    )[0]
 
 
 def braking(road, vehicle, x, y, speed, heading=0.0, lanes=None, relaxation=HARD, params=None, link=1):
@@ -112,7 +118,9 @@ def test_gradient_matches_differences(road):
 def test_own_link_follows_the_ego(road):
     def link(previous, x, y, heading=0.0):
         centre = jnp.asarray([x, y])
-        return int(reaction.own_link(road.lanes, jnp.asarray(previous, jnp.int32), centre, jnp.asarray(heading)))
+        return int(
+            reaction.own_link(road.lanes, jnp.asarray(previous, jnp.int32), centre=centre, heading=jnp.asarray(heading))
+        )
 
     assert link(1, 100.0, 0.2) == 1
     assert link(1, 100.0, 1.8) == 0

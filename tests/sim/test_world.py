@@ -16,7 +16,7 @@ def test_ego_moves_as_the_bicycle_in_substeps(road):
     command = Command(jnp.asarray(1.0), jnp.asarray(0.05))
     expected = world.ego
     for _ in range(2):
-        expected = bicycle_step(expected, command, road.params.vehicle, 0.05)
+        expected = bicycle_step(expected, command, params=road.params.vehicle, dt=0.05)
     for a, b in zip(jax.tree.leaves(after.ego), jax.tree.leaves(expected), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-6)
     np.testing.assert_allclose(after.time, 0.1, rtol=1e-6)

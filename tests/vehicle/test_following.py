@@ -34,11 +34,12 @@ def test_equals_highway_env():
             ego = Driver(road, [10.0, 0.0], 0.0, speed, target_speed=wanted)
             leader = Driver(road, [10.0 + distance, 0.0], 0.0, front)
             limited = min(wanted, 30.0)
-            arrays = [jnp.asarray(x) for x in (speed, limited, distance, front)]
-            found = idm_acceleration(*arrays, highway_idm())
-            wanted_gap = desired_gap(arrays[0], arrays[3], highway_idm())
+            v, v_0, gap, v_f = (jnp.asarray(x) for x in (speed, limited, distance, front))
+            found = idm_acceleration(v, v_0, gap=gap, front_speed=v_f, params=highway_idm())
+            wanted_gap = desired_gap(v, v_f, params=highway_idm())
+            free = free_acceleration(v, v_0, params=highway_idm())
             np.testing.assert_allclose(found, ego.acceleration(ego, leader), rtol=1e-9, atol=1e-6)
-            np.testing.assert_allclose(free_acceleration(*arrays[:2], highway_idm()), ego.acceleration(ego), atol=1e-6)
+            np.testing.assert_allclose(free, ego.acceleration(ego), atol=1e-6)
             np.testing.assert_allclose(wanted_gap, ego.desired_gap(ego, leader), atol=1e-6)
 
 
@@ -47,20 +48,20 @@ def test_equilibrium_gap_is_the_textbook_one(speed):
     with jax.enable_x64(True):
         params = IDMParams()
         gap = (params.jam_distance + speed * params.time_headway) / np.sqrt(1 - (speed / 14.0) ** 4)
-        arrays = [jnp.asarray(x) for x in (speed, 14.0, gap, speed)]
-        np.testing.assert_allclose(idm_acceleration(*arrays, params), 0.0, atol=1e-9)
+        v, v_0, gap = (jnp.asarray(x) for x in (speed, 14.0, gap))
+        np.testing.assert_allclose(idm_acceleration(v, v_0, gap=gap, front_speed=v, params=params), 0.0, atol=1e-9)
 
 
 def test_free_road_and_touching():
     wide, touching = jnp.asarray(1e6), jnp.asarray(-1.0)
     ten, zero = jnp.asarray(10.0), jnp.asarray(0.0)
-    assert abs(idm_acceleration(ten, ten, wide, ten, IDMParams())) < 1e-4
-    assert idm_acceleration(ten, ten, touching, zero, IDMParams()) < -100
+    assert abs(idm_acceleration(ten, ten, gap=wide, front_speed=ten, params=IDMParams())) < 1e-4
+    assert idm_acceleration(ten, ten, gap=touching, front_speed=zero, params=IDMParams()) < -100
 
 
 def test_gradient_is_finite_on_degenerate_input():
     def total(x, params):
-        return idm_acceleration(x[0], x[1], x[2], x[3], params)
+        return idm_acceleration(x[0], x[1], gap=x[2], front_speed=x[3], params=params)
 
     for x in ([0.0, 0.0, 0.0, 0.0], [10.0, 0.0, 1e6, 0.0], [0.0, 14.0, -3.0, 5.0]):
         gradient, to_params = jax.grad(total, argnums=(0, 1))(jnp.asarray(x), IDMParams())
@@ -72,7 +73,8 @@ def test_constant_headway_known_answers():
     params = HeadwayParams(time_headway=1.0, jam_distance=2.0, time_constant=2.0)
 
     def speed(v, gap, front, cap=20.0):
-        return float(constant_headway_speed(*(jnp.asarray(x) for x in (v, gap, front, cap)), params))
+        v, gap, front, cap = (jnp.asarray(x) for x in (v, gap, front, cap))
+        return float(constant_headway_speed(v, gap, front_speed=front, cap=cap, params=params))
 
     assert speed(10.0, 12.0, 10.0) == 10.0  # at the wanted gap: the front vehicle's speed
     assert speed(10.0, 16.0, 10.0) == 12.0

@@ -29,11 +29,12 @@ def test_equals_highway_env():
             vehicle = kinematics.Vehicle(None, position.copy(), heading, speed)
             vehicle.act({"acceleration": acceleration, "steering": steering})
             vehicle.step(dt)
-            arrays = [jnp.asarray(x) for x in (position, heading, speed, acceleration, steering)]
-            centre, turned, faster = highway_step(*arrays, dt)
-            np.testing.assert_allclose(centre, vehicle.position, atol=1e-6)
-            np.testing.assert_allclose(turned, vehicle.heading, atol=1e-6)
-            np.testing.assert_allclose(faster, vehicle.speed, atol=1e-6)
+            zero = jnp.asarray(0.0)
+            state = VehicleState(jnp.asarray(position), jnp.asarray(heading), jnp.asarray(speed), zero, zero)
+            after = highway_step(state, command(acceleration, steering), dt=dt)
+            np.testing.assert_allclose(after.position, vehicle.position, atol=1e-6)
+            np.testing.assert_allclose(after.heading, vehicle.heading, atol=1e-6)
+            np.testing.assert_allclose(after.speed, vehicle.speed, atol=1e-6)
 
 
 def test_drives_a_circle_exactly():
@@ -41,7 +42,7 @@ def test_drives_a_circle_exactly():
         params = VehicleParams()
         state = make(speed=8.0, steering=0.3)
         radius = params.wheelbase / np.tan(0.3)
-        step = jax.jit(lambda s: bicycle_step(s, command(0.0, 0.3), params, 0.1))
+        step = jax.jit(lambda s: bicycle_step(s, command(0.0, 0.3), params=params, dt=0.1))
         for _ in range(50):
             state = step(state)
         angle = 8.0 * 5.0 / radius
@@ -53,26 +54,26 @@ def test_constant_acceleration_covers_the_textbook_distance():
     with jax.enable_x64(True):
         state = make(speed=3.0)
         for _ in range(10):
-            state = bicycle_step(state, command(1.5, 0.0), VehicleParams(), 0.1)
+            state = bicycle_step(state, command(1.5, 0.0), params=VehicleParams(), dt=0.1)
         np.testing.assert_allclose(state.position, [3.0 + 0.75, 0.0], atol=1e-12)
         np.testing.assert_allclose(state.speed, 4.5, atol=1e-12)
 
 
 def test_limits_take_effect():
     params = VehicleParams()
-    state = bicycle_step(make(speed=10.0), command(99.0, 99.0), params, 0.1)
+    state = bicycle_step(make(speed=10.0), command(99.0, 99.0), params=params, dt=0.1)
     assert np.isclose(state.acceleration, params.max_acceleration, rtol=1e-4)
     assert np.isclose(state.steering, params.max_steering_rate * 0.1)
-    held = bicycle_step(make(speed=10.0, steering=params.max_steering), command(-99.0, 99.0), params, 0.1)
+    held = bicycle_step(make(speed=10.0, steering=params.max_steering), command(-99.0, 99.0), params=params, dt=0.1)
     assert np.isclose(held.steering, params.max_steering)
     assert np.isclose(held.acceleration, -params.max_deceleration, rtol=1e-4)
 
 
 def test_never_reverses():
-    state = bicycle_step(make(speed=0.2), command(-5.0, 0.0), VehicleParams(), 0.1)
+    state = bicycle_step(make(speed=0.2), command(-5.0, 0.0), params=VehicleParams(), dt=0.1)
     assert state.speed == 0
     assert np.isclose(state.acceleration, -2.0)
-    again = bicycle_step(state, command(-5.0, 0.0), VehicleParams(), 0.1)
+    again = bicycle_step(state, command(-5.0, 0.0), params=VehicleParams(), dt=0.1)
     np.testing.assert_array_equal(again.position, state.position)
     assert again.acceleration == 0
 
@@ -84,7 +85,7 @@ def test_gradient_matches_differences(steering, speed):
 
         def distance(x):
             state = make(speed=speed, steering=steering).replace(heading=x[2], speed=speed + x[3])
-            state = bicycle_step(state, command(x[0] + 0.5, steering + x[1]), VehicleParams(), 0.1)
+            state = bicycle_step(state, command(x[0] + 0.5, steering + x[1]), params=VehicleParams(), dt=0.1)
             return jnp.sum(state.position * jnp.asarray([1.0, 0.5])) + state.heading + state.speed
 
         gradient = jax.grad(distance)(jnp.zeros(4))

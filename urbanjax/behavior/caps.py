@@ -23,11 +23,13 @@ class CapParams:
 
 def along(path: Path, speed_limit: Float[Array, "k"], params: CapParams) -> Float[Array, "k"]:
     """Speed limit and curve speed at each point of a path, in m/s."""
-    return curve_speed(path.curvature, params.lateral_acceleration, speed_limit)
+    return curve_speed(path.curvature, params.lateral_acceleration, cap=speed_limit)
 
 
 def now(path: Path, cap: Float[Array, "k"], signal: SignalAhead, params: CapParams) -> Float[Array, ""]:
     """Highest speed now, in m/s, from which every cap ahead and a red stop line can be met."""
-    curves = safe.minimum(approach_speed(path.station - path.station[0], cap, params.curve_deceleration))
-    stop = stop_speed(signal.distance - params.stop_margin, params.stop_deceleration, params.reaction_time)
+    curves = safe.minimum(approach_speed(path.station - path.station[0], cap, deceleration=params.curve_deceleration))
+    stop = stop_speed(
+        signal.distance - params.stop_margin, params.stop_deceleration, reaction_time=params.reaction_time
+    )
     return jnp.minimum(curves, jnp.where(signal.red > 0.5, stop, curves))

@@ -50,7 +50,7 @@ def following_speed(
     gap = surroundings.station - surroundings.half_length - front
     ahead = soft.above(lead, -0.5, relaxation, scale=1.0)
     speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (speed, cap))
-    each = constant_headway_speed(speed, gap, surroundings.speed, cap, headway)
+    each = constant_headway_speed(speed, gap, front_speed=surroundings.speed, cap=cap, params=headway)
     relevant = soft.both(occupancy, ahead)
     bounds = jnp.append(cap - relevant * (cap - each), cap[:1])  # the last one holds when there is no object
     valid = jnp.append(surroundings.valid, True)

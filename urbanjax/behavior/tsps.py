@@ -123,7 +123,7 @@ def select(
     def candidate(lane: Float[Array, "q"]) -> Candidate:
         path = connect(scene.road, start, ego, station, scene.road.lane_offset @ lane, params.connect)
         cap = caps.along(path, scene.road.speed_limit, params.caps)
-        speed, time = free_flow(ego.speed, cap, station - station[0], params.profile)
+        speed, time = free_flow(ego.speed, cap, distance=station - station[0], params=params.profile)
         horizon = params.tsps.horizon
         room = room_along(path, speed, time, horizon, prediction, follower, vehicle, params.clearance, relaxation)
         return Candidate(path=path, cap=cap, time=time, clearance=room)

@@ -36,16 +36,16 @@ class Metrics:
     off_road: Array  # [] degree in [0, 1]
 
 
-def evaluate(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Metrics:
+def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Metrics:
     """All metrics of one run."""
-    gaps = clearance(log, vehicle, relaxation)
+    gaps = clearance(log, vehicle, relaxation=relaxation)
     speed = log.ego.speed
     lowest = soft.minimum(speed, relaxation)
     return Metrics(
         progress=progress(log)[-1],
         clearance=soft.minimum(gaps, relaxation),
-        collision=collision(log, vehicle, relaxation),
-        ttc_lane=1 / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation), relaxation, 0.1), 1 / FAR),
+        collision=collision(log, vehicle, relaxation=relaxation),
+        ttc_lane=1 / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, 0.1), 1 / FAR),
         ttc_box=safe.minimum(box_ttc(log, vehicle)),
         mean_speed=jnp.mean(speed),
         min_speed=lowest,
@@ -78,15 +78,15 @@ def _size(vehicle: VehicleParams, dtype: jnp.dtype) -> tuple[Array, Array]:
     return jnp.full((1, 1), vehicle.length, dtype), jnp.full((1, 1), vehicle.width, dtype)
 
 
-def clearance(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, " t"]:
+def clearance(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, " t"]:
     """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision, 1e3 without vehicles."""
     gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation)
     return soft.minimum(gaps, relaxation, mask=log.traffic.valid, fill=FAR)
 
 
-def collision(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, ""]:
+def collision(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, ""]:
     """Degree to which the ego ever touched another vehicle; soft twin with a scale of 1 m."""
-    return soft.above(-soft.minimum(clearance(log, vehicle, relaxation), relaxation), 0.0, relaxation)
+    return soft.above(-soft.minimum(clearance(log, vehicle, relaxation=relaxation), relaxation), 0.0, relaxation)
 
 
 def off_road(log: Log, relaxation: Relaxation) -> Float[Array, ""]:
@@ -94,7 +94,7 @@ def off_road(log: Log, relaxation: Relaxation) -> Float[Array, ""]:
     return soft.above(-soft.minimum(log.road_margin, relaxation), 0.0, relaxation)
 
 
-def inverse_ttc(log: Log, vehicle: VehicleParams, relaxation: Relaxation) -> Float[Array, " t"]:
+def inverse_ttc(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, " t"]:
     """Greatest closing speed over gap [1/s] per step, among vehicles ahead in the ego's way; 0 when none closes.
 
     One-dimensional: distances are taken along the ego's heading, sideways off the arc that it steers. The inverse is

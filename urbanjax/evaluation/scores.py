@@ -44,15 +44,15 @@ class Score:
     lane: Array  # []
 
 
-def score(log: Log, vehicle: VehicleParams, params: ScoreParams, relaxation: Relaxation) -> Float[Array, ""]:
+def score(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Float[Array, ""]:
     """The score of one run, smooth in mode soft."""
-    return terms(log, vehicle, params, relaxation).total
+    return terms(log, vehicle, params=params, relaxation=relaxation).total
 
 
-def terms(log: Log, vehicle: VehicleParams, params: ScoreParams, relaxation: Relaxation) -> Score:
+def terms(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers."""
     duration = jnp.maximum(log.time[-1] - log.time[0], 1e-3)
-    near = _barrier(clearance(log, vehicle, relaxation), params.clearance_scale)
+    near = _barrier(clearance(log, vehicle, relaxation=relaxation), params.clearance_scale)
     edge = _barrier(log.road_margin, params.road_scale)
     values = {
         "progress": progress(log)[-1] / duration / params.speed_scale,

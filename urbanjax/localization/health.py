@@ -50,6 +50,7 @@ def init(dtype: jnp.dtype | None = None) -> Monitor:
 def signs(
     found: Alignment,
     predicted: jaxlie.SE3,
+    *,
     failing: Float[Array, ""],
     off_lane: Float[Array, ""],
     seen: Bool[Array, ""],
@@ -88,7 +89,7 @@ def weakest(found: Alignment) -> Float[Array, ""]:
 
 
 def literal_gate(
-    before: jaxlie.SE3, after: jaxlie.SE3, iterations: int, max_distance: float | Array
+    before: jaxlie.SE3, after: jaxlie.SE3, *, iterations: int, max_distance: float | Array
 ) -> Float[Array, ""]:
     """How far Eq. 8, read as a failure test, is met: the step over n_max * eps_corres; failure above 1.
 
@@ -101,6 +102,7 @@ def literal_gate(
 def advance(
     now: Monitor,
     score: Float[Array, ""],
+    *,
     adrift: Bool[Array, ""],
     has_lane: Bool[Array, ""],
     period: float | Array,

@@ -100,7 +100,7 @@ def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[F
         raise ScenarioError("localizer 'lidar' needs observation.scan; give it, or choose another localizer")
     x, y, z, yaw = (jnp.asarray(value, scan.position.dtype) for value in params.mount)
     mount = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z - AXLE_HEIGHT]))
-    points = motion.deskew(scan, mount, observation.odometry)
+    points = motion.deskew(scan, mount, odometry=observation.odometry)
     # Beyond the window of the map a point could not be explained, and would count against the registration.
     reach = jnp.minimum(params.sensing_radius, sliding.radius(observation.odometry.speed, params.sliding) - MARGIN)
     near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach**2
@@ -109,7 +109,7 @@ def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[F
 
 def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[PointCloud, Array]:
     """The scan as a cloud with features, and how many voxels found no place in it. Errors as of `points_of`."""
-    cloud, info = preprocess(*points_of(params, observation), params.preprocess)
+    cloud, info = preprocess(*points_of(params, observation), params=params.preprocess)
     return cloud, info.dropped
 
 
@@ -129,17 +129,23 @@ def step(
         tracking, odometer = odometry.step(params.odometry, state.odometry, cloud, wheels)
         predicted = (state.pose @ odometer.increment).normalize()
     with jax.named_scope("window"):
-        target, missed = sliding.window(world, predicted.translation(), observation.odometry.speed, params.sliding)
+        target, missed = sliding.window(
+            world, predicted.translation(), speed=observation.odometry.speed, params=params.sliding
+        )
     with jax.named_scope("registration"):
-        found = align(cloud, target, _start(params, state, predicted), params.align)
+        found = align(cloud, target, start=_start(params, state, predicted), params=params.align)
     with jax.named_scope("health"):
-        aside = off_lane(graph, predicted if params.fallback else found.pose, observation.lane_offset)
-        signs = health.signs(found, predicted, state.monitor.failing, jnp.abs(aside), seen, params.health)
+        aside = off_lane(graph, predicted if params.fallback else found.pose, seen=observation.lane_offset)
+        signs = health.signs(
+            found, predicted, failing=state.monitor.failing, off_lane=jnp.abs(aside), seen=seen, params=params.health
+        )
         signs = _with_spread(params, signs, cloud, target, found)
         score = jnp.max(signs)
         failed, adrift = score > 1, seen & ~odometer.tracked
         has_lane = jnp.asarray(observation.lane_offset is not None and graph is not None)
-        monitor = health.advance(state.monitor, score, adrift, has_lane, params.period, params.health)
+        monitor = health.advance(
+            state.monitor, score, adrift=adrift, has_lane=has_lane, period=params.period, params=params.health
+        )
     carried = _keep_lane(graph, predicted, aside, monitor.health == Health.LANE)
     use = ~failed if params.fallback else jnp.asarray(True)
     pose = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, carried)
@@ -157,7 +163,10 @@ def step(
         alignment=found,
         tracked=odometer.tracked,
         literal_gate=health.literal_gate(
-            state.pose, found.pose, params.align.max_iterations, params.align.factor.max_distance
+            state.pose,
+            found.pose,
+            iterations=params.align.max_iterations,
+            max_distance=params.align.factor.max_distance,
         ),
         dropped=jnp.stack([dropped, missed]),
     )
@@ -188,7 +197,7 @@ def _with_spread(
         around = jnp.array(AROUND, signs.dtype)
         flat = jaxlie.SE2.from_xy_theta(around[:, 0], around[:, 1], around[:, 2])
         starts = jax.vmap(lambda pose, off: pose @ motion.spatial(off), in_axes=(None, 0))(found.pose, flat)
-        ends = align_starts(cloud, target, starts, params.align).pose.translation()
+        ends = align_starts(cloud, target, starts=starts, params=params.align).pose.translation()
         return jnp.max(safe.norm(ends - found.pose.translation()[None]))
 
     suspicious = (jnp.max(signs) > SUSPICIOUS) & (jnp.max(signs) <= 1)
@@ -196,7 +205,7 @@ def _with_spread(
     return signs.at[Sign.SPREAD].set(value / params.health.spread)
 
 
-def off_lane(graph: RoadGraph | None, pose: jaxlie.SE3, seen: Array | None) -> Float[Array, ""]:
+def off_lane(graph: RoadGraph | None, pose: jaxlie.SE3, *, seen: Array | None) -> Float[Array, ""]:
     """How far the pose is left of where it should be [m]: of the offset that the camera sees, else of its lane.
 
     The alarm of the paper's resilience: 0 without a road graph.

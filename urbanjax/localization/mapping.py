@@ -27,6 +27,7 @@ class PointMap:
 def build(
     scans: Iterable[tuple[PointCloud, np.ndarray]],
     resolution: float = 0.25,
+    *,
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> PointMap:
     """The map of scans: clouds in the body frame with features, each with its pose T_map_body [4, 4] (float64).
@@ -54,7 +55,7 @@ def build(
 
 def distributions(points: PointMap, params: MapParams) -> VoxelMap:
     """The map as distributions, for the localizer (Eq. 3-5)."""
-    return voxelise(points.position.astype(float), points.covariance.astype(float), points.count, params)
+    return voxelise(points.position.astype(float), points.covariance.astype(float), count=points.count, params=params)
 
 
 def _placed(cloud: PointCloud, pose: np.ndarray, origin: np.ndarray) -> np.ndarray:
@@ -85,7 +86,7 @@ def _merge(rows: list[np.ndarray], resolution: float) -> np.ndarray:
     return np.concatenate([np.add.reduceat(weight * table[order, :9], new) / number, number], 1)
 
 
-def matrix(x: float, y: float, heading: float) -> np.ndarray:
+def matrix(x: float, y: float, *, heading: float) -> np.ndarray:
     """The pose [4, 4] of a body upright on the ground at (x, y) m."""
     pose = np.eye(4)
     pose[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]

@@ -9,7 +9,7 @@ from urbanjax.numerics import safe
 from urbanjax.types import Odometry, Scan
 
 
-def arc(speed: Float[Array, "*n"], yaw_rate: Float[Array, "*n"], time: Float[Array, "*n"]) -> Float[Array, "3 *n"]:
+def arc(speed: Float[Array, "*n"], yaw_rate: Float[Array, "*n"], *, time: Float[Array, "*n"]) -> Float[Array, "3 *n"]:
     """X (m), y (m) and heading (rad) of the body at `time` s, in its frame at time 0; exact for constant rates."""
     turn = yaw_rate * time
     chord = speed * time * safe.sinc(turn / 2)
@@ -18,17 +18,17 @@ def arc(speed: Float[Array, "*n"], yaw_rate: Float[Array, "*n"], time: Float[Arr
 
 def travelled(odometry: Odometry, time: float | Float[Array, ""]) -> jaxlie.SE3:
     """The motion of the body during `time` s: T_before_after."""
-    x, y, heading = arc(odometry.speed, odometry.yaw_rate, jnp.asarray(time, odometry.speed.dtype))
+    x, y, heading = arc(odometry.speed, odometry.yaw_rate, time=jnp.asarray(time, odometry.speed.dtype))
     turn = jaxlie.SO3.from_z_radians(heading)
     return jaxlie.SE3.from_rotation_and_translation(turn, jnp.stack([x, y, jnp.zeros_like(x)]))
 
 
-def propagate(pose: jaxlie.SE3, odometry: Odometry, time: float | Float[Array, ""]) -> jaxlie.SE3:
+def propagate(pose: jaxlie.SE3, odometry: Odometry, *, time: float | Float[Array, ""]) -> jaxlie.SE3:
     """The pose `time` s later: what the localizer puts out between two scans, at the rate of the wheel sensors."""
     return pose @ travelled(odometry, time)
 
 
-def deskew(scan: Scan, mount: jaxlie.SE3, odometry: Odometry) -> Float[Array, "n 3"]:
+def deskew(scan: Scan, mount: jaxlie.SE3, *, odometry: Odometry) -> Float[Array, "n 3"]:
     """The points [N, 3] (m) of a sweep in the body frame at its stamp, the motion during the sweep taken out.
 
     Args: mount, T_body_lidar; odometry, whose speed and yaw rate held during the sweep.
@@ -40,7 +40,7 @@ def deskew(scan: Scan, mount: jaxlie.SE3, odometry: Odometry) -> Float[Array, "n
     )
     time = scan.time.reshape(-1)
     ahead, aside, heading = arc(
-        jnp.broadcast_to(odometry.speed, time.shape), jnp.broadcast_to(odometry.yaw_rate, time.shape), time
+        jnp.broadcast_to(odometry.speed, time.shape), jnp.broadcast_to(odometry.yaw_rate, time.shape), time=time
     )
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     return jnp.stack([cos * x - sin * y + ahead, sin * x + cos * y + aside, z], axis=1)

@@ -72,8 +72,8 @@ def step(
     """
     guess = state.pose @ motion
     local = PointCloud(state.position, state.covariance, jnp.zeros_like(state.position), state.valid)
-    target = build(local, params.map, lax.stop_gradient(guess.translation()))
-    found = align(cloud, target, guess, params.align)
+    target = build(local, params.map, centre=lax.stop_gradient(guess.translation()))
+    found = align(cloud, target, start=guess, params=params.align)
     away = (guess.inverse() @ found.pose).translation()
     fits = (found.inlier_share > params.least_share) & (safe.norm(away) < params.innovation) & found.converged
     seen = jnp.any(cloud.valid)

@@ -37,7 +37,7 @@ class Relocalization:
     start: Array  # [] int32, the one of the K that it came from
 
 
-def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int, spacing: float = 3.0) -> jaxlie.SE3:
+def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, *, count: int, spacing: float = 3.0) -> jaxlie.SE3:
     """The `count` places on lanes nearest to a pose [K], stacked, heading along their lanes.
 
     Of lane points that lie in one cell of `spacing` m and head the same way there is only one: where lanes cross and
@@ -60,6 +60,7 @@ def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, count: int, spacing: float =
 def relocalize(
     params: RelocalizeParams,
     localizer: LidarLocalizerParams,
+    *,
     world: VoxelMap,
     state: LidarState,
     observation: Observation,
@@ -72,15 +73,17 @@ def relocalize(
     """
     cloud, _ = lidar.cloud_of(localizer, observation)
     centre = jnp.mean(starts.translation(), axis=0)
-    target, _ = sliding.window(world, centre, jnp.asarray(jnp.inf, centre.dtype), localizer.sliding)
+    target, _ = sliding.window(world, centre, speed=jnp.asarray(jnp.inf, centre.dtype), params=localizer.sliding)
     factor = localizer.align.factor
     wide = localizer.align.replace(
         factor=factor.replace(max_distance=params.max_distance), max_iterations=params.max_iterations
     )
-    rough = align_starts(cloud, target, starts, wide, params.at_once)
+    rough = align_starts(cloud, target, starts=starts, params=wide, at_once=params.at_once)
     _, best = jax.lax.top_k(rough.inlier_share - rough.matching_error / params.max_distance, params.finalists)
     tight = localizer.align.replace(factor=factor.replace(max_distance=params.near))
-    fine = align_starts(cloud, target, jax.tree.map(lambda x: x[best], rough.pose), tight, params.at_once)
+    fine = align_starts(
+        cloud, target, starts=jax.tree.map(lambda x: x[best], rough.pose), params=tight, at_once=params.at_once
+    )
     share = jnp.where(fine.converged, fine.inlier_share, 0.0)
     first = jnp.argmax(share)
     pose = jax.tree.map(lambda x: x[first], fine.pose)

@@ -26,7 +26,7 @@ def radius(speed: Float[Array, ""], params: SlidingParams) -> Float[Array, ""]:
 
 
 def window(
-    world: VoxelMap, position: Float[Array, "3"], speed: Float[Array, ""], params: SlidingParams
+    world: VoxelMap, position: Float[Array, "3"], *, speed: Float[Array, ""], params: SlidingParams
 ) -> tuple[DistributionMap, Array]:
     """The map within psi(v) of a position [3] m, and how many of its voxels found no place."""
-    return cut(world, position, radius(speed, params), params.cut)
+    return cut(world, position, radius=radius(speed, params), params=params.cut)

@@ -56,7 +56,7 @@ class Alignment:
 
 
 def align(
-    source: PointCloud, target: DistributionMap, start: jaxlie.SE3, params: AlignParams | None = None
+    source: PointCloud, target: DistributionMap, *, start: jaxlie.SE3, params: AlignParams | None = None
 ) -> Alignment:
     """The pose of `source` in the frame of `target`, from a `start` nearby; jit it, and vmap it over starts or pairs.
 
@@ -90,6 +90,7 @@ def align(
 def align_starts(
     source: PointCloud,
     target: DistributionMap,
+    *,
     starts: jaxlie.SE3,
     params: AlignParams | None = None,
     at_once: int = 1,
@@ -99,13 +100,13 @@ def align_starts(
     Args: starts, stacked poses; at_once, how many run together: 1 on a CPU, where each then stops when it has converged
     instead of waiting for the slowest, many on a GPU.
     """
-    return lax.map(lambda start: align(source, target, start, params), starts, batch_size=at_once)
+    return lax.map(lambda start: align(source, target, start=start, params=params), starts, batch_size=at_once)
 
 
 def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Correspondences:
     away = lax.stop_gradient(pose.move(source.position))
-    slot = correspond(target, away, source.valid, params.neighbours)
-    return pairs_of(target, slot, away, params.factor)
+    slot = correspond(target, away, valid=source.valid, neighbours=params.neighbours)
+    return pairs_of(target, slot, away=away, params=params.factor)
 
 
 @pytree
@@ -130,11 +131,13 @@ def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: A
 
     def iterate(now: _Search) -> _Search:
         pairs = _pairing(now.pose, source, target, params)
-        at = linearise(now.pose, source, pairs, target, params.factor)
+        at = linearise(now.pose, source, pairs=pairs, target=target, params=params.factor)
         twist = -jnp.linalg.solve(at.hessian + now.damping * eye, at.gradient)
         trial = now.pose.step(twist)
         # Near the minimum the cost is flat, and what rounding adds is no reason to refuse a step.
-        better = held_cost(trial, at, now.pose, source, pairs) <= at.cost * (1 + 16 * jnp.finfo(dtype).eps)
+        better = held_cost(trial, at, before=now.pose, source=source, pairs=pairs) <= at.cost * (
+            1 + 16 * jnp.finfo(dtype).eps
+        )
         turned, moved = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
         small = (turned <= params.rotation_tolerance**2) & (moved <= params.translation_tolerance**2)
         return _Search(
@@ -174,11 +177,11 @@ def _implicit(pose: Rigid, source: PointCloud, target: DistributionMap, params: 
 def _implicit_jvp(primals: tuple, tangents: tuple) -> tuple[Rigid, Rigid]:
     pose, source, target, params = primals
     away = pose.move(source.position)
-    slot = correspond(target, away, source.valid, params.neighbours)
+    slot = correspond(target, away, valid=source.valid, neighbours=params.neighbours)
 
     def force(twist: Array, source: PointCloud, target: DistributionMap, params: AlignParams) -> Array:
-        pairs = pairs_of(target, slot, away, params.factor)
-        return linearise(pose.step(twist), source, pairs, target, params.factor).gradient
+        pairs = pairs_of(target, slot, away=away, params=params.factor)
+        return linearise(pose.step(twist), source, pairs=pairs, target=target, params=params.factor).gradient
 
     zero = jnp.zeros(6, pose.shift.dtype)
     slope = jax.jacfwd(lambda twist: force(twist, source, target, params))(zero)

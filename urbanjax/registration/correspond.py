@@ -13,7 +13,7 @@ OFFSETS = {1: _AXES[:1], 7: _AXES, 27: tuple(itertools.product((-1, 0, 1), repea
 
 
 def correspond(
-    target: DistributionMap, away: Float[Array, "3 n"], valid: Bool[Array, " n"], neighbours: int
+    target: DistributionMap, away: Float[Array, "3 n"], *, valid: Bool[Array, " n"], neighbours: int
 ) -> Int[Array, " n"]:
     """The row of the map's distribution nearest to each point, among the voxels around it; the last row if none.
 

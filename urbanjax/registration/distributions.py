@@ -40,7 +40,7 @@ class DistributionMap:
     method: str = static(default="vgicp")
 
 
-def build(points: PointCloud, params: MapParams, centre: Float[Array, "3"] | None = None) -> DistributionMap:
+def build(points: PointCloud, params: MapParams, *, centre: Float[Array, "3"] | None = None) -> DistributionMap:
     """The map of a cloud in the map frame; points outside the window are left out.
 
     `vgicp`: mean of the points and mean of their covariances; `ndt`: mean and scatter of the points, with its small

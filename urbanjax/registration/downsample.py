@@ -18,7 +18,7 @@ class DownsampleParams:
 
 
 def downsample(
-    position: Float[Array, "n 3"], valid: Bool[Array, " n"], params: DownsampleParams
+    position: Float[Array, "n 3"], valid: Bool[Array, " n"], *, params: DownsampleParams
 ) -> tuple[PointCloud, Array]:
     """The means of the points [N, 3] (m) of each voxel, and how many voxels found no place in the capacity.
 

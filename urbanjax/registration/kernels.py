@@ -11,7 +11,7 @@ from urbanjax.numerics import safe
 KERNELS = ("none", "huber", "cauchy")
 
 
-def weight(squared: Float[Array, " n"], kernel: str, scale: float | Array) -> Float[Array, " n"]:
+def weight(squared: Float[Array, " n"], kernel: str, *, scale: float | Array) -> Float[Array, " n"]:
     """Weight of iteratively reweighted least squares [N]. Args: scale [-], the distance at which the kernel sets in."""
     if kernel == "none":
         return jnp.ones_like(squared)
@@ -21,7 +21,7 @@ def weight(squared: Float[Array, " n"], kernel: str, scale: float | Array) -> Fl
 
 
 def likelihood(
-    squared: Float[Array, " n"], outlier_share: float | Array, resolution: Float[Array, ""]
+    squared: Float[Array, " n"], outlier_share: float | Array, *, resolution: Float[Array, ""]
 ) -> Float[Array, " n"]:
     """Weight -d1 d2 exp(-d2 q / 2) [N] of the NDT score (Magnusson 2009). Args: resolution [m] of the map's voxels."""
     o = jnp.asarray(outlier_share, squared.dtype)

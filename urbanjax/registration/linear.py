@@ -77,7 +77,7 @@ class System:
 
 
 def pairs_of(
-    target: DistributionMap, slot: Int[Array, " n"], away: Float[Array, "3 n"], params: FactorParams
+    target: DistributionMap, slot: Int[Array, " n"], *, away: Float[Array, "3 n"], params: FactorParams
 ) -> Correspondences:
     """What the map holds in its rows `slot` [N], for points `away` [3, N] (m) from its origin; nothing if too far."""
     rows = target.rows[slot].T
@@ -91,7 +91,7 @@ def pairs_of(
 
 
 def linearise(
-    pose: Rigid, source: PointCloud, pairs: Correspondences, target: DistributionMap, params: FactorParams
+    pose: Rigid, source: PointCloud, *, pairs: Correspondences, target: DistributionMap, params: FactorParams
 ) -> System:
     """Hessian, gradient and cost at a pose relative to the map's origin, with Omega frozen (Eq. 3-4).
 
@@ -106,9 +106,9 @@ def linearise(
     pulled = symmetric.product(information, residual)
     squared = symmetric.inner(residual, pulled)
     if target.method == "ndt":
-        weight = pairs.weight * kernels.likelihood(squared, params.outlier_share, target.resolution)
+        weight = pairs.weight * kernels.likelihood(squared, params.outlier_share, resolution=target.resolution)
     else:
-        weight = pairs.weight * kernels.weight(squared, params.kernel, params.kernel_scale)
+        weight = pairs.weight * kernels.weight(squared, params.kernel, scale=params.kernel_scale)
     moments = jnp.concatenate([jnp.ones_like(squared)[None], source.position, symmetric.outer(source.position)])
     values = jnp.concatenate([information, pulled, squared[None]]) * weight[None]
     sums = _product(moments, values)
@@ -116,7 +116,9 @@ def linearise(
     return System(system[:36].reshape(6, 6), system[36:42], system[42], residual, information, weight)
 
 
-def held_cost(pose: Rigid, at: System, before: Rigid, source: PointCloud, pairs: Correspondences) -> Float[Array, ""]:
+def held_cost(
+    pose: Rigid, at: System, *, before: Rigid, source: PointCloud, pairs: Correspondences
+) -> Float[Array, ""]:
     """The cost at another pose with correspondences and weights held. Args: before, the pose of `at`."""
     residual = before.back(pairs.mean - pose.move(source.position))
     squared = symmetric.inner(residual, symmetric.product(at.information, residual))

@@ -20,7 +20,7 @@ class PointCloud:
 
 
 def padded(
-    points: np.ndarray, capacity: int, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    points: np.ndarray, capacity: int, *, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points [N, 3] (m) of any number as float32 [capacity, 3] and a mask, on the host: one shape, one compilation.
 
@@ -42,6 +42,7 @@ def padded(
 def cloud(
     position: Float[Array, "n 3"],
     covariance: Float[Array, "n 3 3"] | None = None,
+    *,
     valid: Bool[Array, " n"] | None = None,
 ) -> PointCloud:
     """A cloud from points [N, 3] (m) with covariances [N, 3, 3], by default the identity."""

@@ -35,7 +35,7 @@ class CutParams:
 
 
 def voxelise(
-    position: np.ndarray, covariance: np.ndarray, count: np.ndarray, params: MapParams, tile: int = 16
+    position: np.ndarray, covariance: np.ndarray, *, count: np.ndarray, params: MapParams, tile: int = 16
 ) -> VoxelMap:
     """The map of points [N, 3] (m) with covariances [N, 6] that stand for `count` [N] points each; on the host.
 
@@ -92,7 +92,7 @@ def _scatter(
 
 
 def cut(
-    world: VoxelMap, centre: Float[Array, "3"], radius: Float[Array, ""], params: CutParams
+    world: VoxelMap, centre: Float[Array, "3"], *, radius: Float[Array, ""], params: CutParams
 ) -> tuple[DistributionMap, Array]:
     """The distributions whose means are within `radius` m of `centre` in the plane (Eq. 6-7), as a dense window.
 

@@ -67,9 +67,11 @@ class Traffic:
     valid: Array  # [V] bool
 
 
-def chain_of(lanes: LaneTables, traffic: Traffic, params: TrafficParams) -> Chain:
+def chain_of(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Chain:
     """The links that each vehicle is going to drive."""
-    return look_ahead(lanes, traffic.link, traffic.station, traffic.route, traffic.valid, params.n_links)
+    return look_ahead(
+        lanes, traffic.link, station=traffic.station, choice=traffic.route, exists=traffic.valid, n_links=params.n_links
+    )
 
 
 def bodies_of(traffic: Traffic) -> Bodies:
@@ -85,31 +87,33 @@ def bodies_of(traffic: Traffic) -> Bodies:
 
 
 def wanted_speed(
-    lanes: LaneTables, factor: Float[Array, " v"], chain: Chain, params: TrafficParams
+    lanes: LaneTables, factor: Float[Array, " v"], *, chain: Chain, params: TrafficParams
 ) -> Float[Array, " v"]:
     """Speed to aim for [m/s]: each driver's `factor` of the limit, capped in curves here and ahead."""
     limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
-    allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, limit)
+    allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, cap=limit)
     distance = jnp.where(chain.start > -0.5 * FAR, jnp.maximum(chain.start, 0.0), FAR)
-    return safe.minimum(approach_speed(distance, allowed, params.idm.deceleration), 0)
+    return safe.minimum(approach_speed(distance, allowed, deceleration=params.idm.deceleration), 0)
 
 
 def follow(
-    lanes: LaneTables, traffic: Traffic, chain: Chain, braking: Float[Array, " v"], params: TrafficParams
+    lanes: LaneTables, traffic: Traffic, *, chain: Chain, braking: Float[Array, " v"], params: TrafficParams
 ) -> Float[Array, " v"]:
     """Acceleration [m/s^2]: free road less the strongest of `braking` and what the vehicle ahead asks for."""
     bodies = bodies_of(traffic)
-    front = nearest(ahead(chain, bodies, ~jnp.eye(traffic.link.shape[0], dtype=bool)), bodies, bodies.half)
+    front = nearest(ahead(chain, bodies, seen=~jnp.eye(traffic.link.shape[0], dtype=bool)), bodies, half=bodies.half)
     idm = params.idm.replace(time_headway=traffic.headway)
-    free = free_acceleration(traffic.speed, wanted_speed(lanes, traffic.desired_speed, chain, params), idm)
-    strongest = jnp.maximum(braking, interaction(traffic.speed, front.gap, front.speed, idm))
+    free = free_acceleration(
+        traffic.speed, wanted_speed(lanes, traffic.desired_speed, chain=chain, params=params), params=idm
+    )
+    strongest = jnp.maximum(braking, interaction(traffic.speed, front.gap, front_speed=front.speed, params=idm))
     wanted = free - jnp.where(traffic.reacts, strongest, 0.0)
     return jnp.clip(wanted, -params.max_deceleration, params.idm.acceleration)
 
 
-def stop_braking(traffic: Traffic, distance: Float[Array, " v"], params: TrafficParams) -> Float[Array, " v"]:
+def stop_braking(traffic: Traffic, distance: Float[Array, " v"], *, params: TrafficParams) -> Float[Array, " v"]:
     """Braking [m/s^2] towards a standstill `distance` m before the front bumper."""
-    return interaction(traffic.speed, distance, jnp.zeros_like(distance), params.idm)
+    return interaction(traffic.speed, distance, front_speed=jnp.zeros_like(distance), params=params.idm)
 
 
 def blend(share: Float[Array, " v"]) -> Float[Array, " v"]:
@@ -118,7 +122,7 @@ def blend(share: Float[Array, " v"]) -> Float[Array, " v"]:
 
 
 def move(
-    lanes: LaneTables, traffic: Traffic, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
+    lanes: LaneTables, traffic: Traffic, *, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
 ) -> Traffic:
     """Traffic after `dt` s: along the links, from link to link, and across in a lane change.
 
@@ -167,7 +171,7 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
     )
 
 
-def objects(lanes: LaneTables, traffic: Traffic, params: TrafficParams) -> Objects:
+def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Objects:
     """The vehicles as boxes in the world, [V]."""
     row = roads.at(lanes, traffic.link, traffic.station)
     heading = row[:, roads.HEADING]

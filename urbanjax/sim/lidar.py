@@ -74,6 +74,7 @@ def columns(params: LidarParams) -> tuple[Float[Array, " a"], Float[Array, " a"]
 def sweep(
     params: LidarParams,
     surroundings: Scenery,
+    *,
     vehicles: Objects | None,
     ego: VehicleState,
     yaw_rate: Float[Array, ""],

@@ -43,6 +43,7 @@ class Beside:
 def incentive(
     own_gain: Float[Array, "*n"],
     new_follower_gain: Float[Array, "*n"],
+    *,
     old_follower_gain: Float[Array, "*n"],
     politeness: Float[Array, "*n"],
 ) -> Float[Array, "*n"]:
@@ -50,7 +51,7 @@ def incentive(
     return own_gain + politeness * (new_follower_gain + old_follower_gain)
 
 
-def beside(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"], left: Bool[Array, ""]) -> Beside:
+def beside(lanes: LaneTables, link: Int[Array, " n"], *, station: Float[Array, " n"], left: Bool[Array, ""]) -> Beside:
     """The place beside each vehicle, on the left or on the right."""
     graph, row = lanes.graph, roads.at(lanes, link, station)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
@@ -63,7 +64,7 @@ def beside(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"
 
 
 def decide(
-    lanes: LaneTables, traffic: Traffic, drivers: Drivers, left: Bool[Array, ""], params: TrafficParams
+    lanes: LaneTables, traffic: Traffic, *, drivers: Drivers, left: Bool[Array, ""], params: TrafficParams
 ) -> tuple[Traffic, Float[Array, " v"]]:
     """Traffic with the changes that begin now, and braking [m/s^2] towards leaders in lanes being left.
 
@@ -71,16 +72,18 @@ def decide(
     """
     v, bodies, exists = traffic.link.shape[0], drivers.bodies, drivers.exists
     changing = (traffic.moved < 1) & traffic.has_other
-    side = beside(lanes, traffic.link, traffic.station, left)
+    side = beside(lanes, traffic.link, station=traffic.station, left=left)
     link = jnp.where(changing, traffic.other, side.link)
     station = jnp.where(changing, traffic.other_station, side.station)
-    side_chain = look_ahead(lanes, link, station, traffic.route, traffic.valid, params.n_links)
+    side_chain = look_ahead(
+        lanes, link, station=station, choice=traffic.route, exists=traffic.valid, n_links=params.n_links
+    )
     seen = exists[:, None] & ~jnp.eye(exists.shape[0], v, dtype=bool)
     half = bodies.half[:v]
-    new_leader = nearest(ahead(side_chain, bodies, seen), bodies, half)
-    new_follower = nearest(behind(drivers.chain, link, station, seen), bodies, half)
+    new_leader = nearest(ahead(side_chain, bodies, seen=seen), bodies, half=half)
+    new_follower = nearest(behind(drivers.chain, link, station=station, seen=seen), bodies, half=half)
     idm = params.idm.replace(time_headway=traffic.headway)
-    braking = interaction(traffic.speed, new_leader.gap, new_leader.speed, idm)
+    braking = interaction(traffic.speed, new_leader.gap, front_speed=new_leader.speed, params=idm)
     braking = jnp.maximum(braking, _end_braking(lanes, traffic, side_chain, half, idm))
     wants = _wants(lanes, traffic, drivers, new_leader, new_follower, braking, seen, params)
     leaving = jnp.abs(bodies.other_station[:, None] - station[None, :]) - bodies.half[:, None] - half[None, :]
@@ -93,7 +96,9 @@ def decide(
 
 
 def _end_braking(lanes: LaneTables, traffic: Traffic, chain: Chain, half: Array, idm: IDMParams) -> Array:
-    return interaction(traffic.speed, end_distance(lanes, chain, half), jnp.zeros_like(half), idm)
+    return interaction(
+        traffic.speed, end_distance(lanes, chain, front=half), front_speed=jnp.zeros_like(half), params=idm
+    )
 
 
 def _wants(
@@ -111,23 +116,30 @@ def _wants(
     half, idm = bodies.half[:v], params.idm.replace(time_headway=traffic.headway)
     every_idm = params.idm.replace(time_headway=drivers.headway)
     everyone = drivers.exists[:, None] & ~jnp.eye(drivers.exists.shape[0], dtype=bool)
-    front = nearest(ahead(chain, bodies, everyone), bodies, bodies.half)
-    now = interaction(bodies.speed, front.gap, front.speed, every_idm)
+    front = nearest(ahead(chain, bodies, seen=everyone), bodies, half=bodies.half)
+    now = interaction(bodies.speed, front.gap, front_speed=front.speed, params=every_idm)
     own_chain = Chain(chain.link[:, :v], chain.start[:, :v])
     own_now = jnp.maximum(now[:v], _end_braking(lanes, traffic, own_chain, half, idm))
-    old_follower = nearest(behind(chain, traffic.link, traffic.station, seen), bodies, half)
+    old_follower = nearest(behind(chain, traffic.link, station=traffic.station, seen=seen), bodies, half=half)
 
     def imposed(who: Neighbour, gap: Array, speed: Array) -> Array:
         """Braking of each vehicle's follower at `gap` behind something at `speed`."""
         followers = params.idm.replace(time_headway=take(drivers.headway, who.index))
-        return jnp.where(who.exists, interaction(take(bodies.speed, who.index), gap, speed, followers), 0.0)
+        return jnp.where(
+            who.exists, interaction(take(bodies.speed, who.index), gap, front_speed=speed, params=followers), 0.0
+        )
 
     new_imposed = imposed(new_follower, new_follower.gap, traffic.speed)
     new_before = jnp.where(new_follower.exists, take(now, new_follower.index), 0.0)
     old_before = imposed(old_follower, old_follower.gap, traffic.speed)
     opened = jnp.where(front.exists[:v], old_follower.gap + 2 * half + front.gap[:v], FAR)
     old_after = imposed(old_follower, opened, front.speed[:v])
-    gain = incentive(own_now - new_braking, new_before - new_imposed, old_before - old_after, traffic.politeness)
+    gain = incentive(
+        own_now - new_braking,
+        new_before - new_imposed,
+        old_follower_gain=old_before - old_after,
+        politeness=traffic.politeness,
+    )
     follower_free = jnp.where(new_follower.exists, take(drivers.free, new_follower.index), 0.0)
     safe = (follower_free - new_imposed > -params.safe_deceleration) & (
         drivers.free[:v] - new_braking > -params.safe_deceleration

@@ -51,6 +51,7 @@ class Neighbour:
 def look_ahead(
     lanes: LaneTables,
     link: Int[Array, " n"],
+    *,
     station: Float[Array, " n"],
     choice: Int[Array, " n"],
     exists: Bool[Array, " n"],
@@ -71,7 +72,7 @@ def _match(chain_link: Array, chain_start: Array, link: Array, station: Array) -
     return jnp.where((chain_link == link) & (distance >= 0), distance, FAR)
 
 
-def ahead(chain: Chain, bodies: Bodies, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
+def ahead(chain: Chain, bodies: Bodies, *, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
     """Distance at which driver i, on its chain, meets the centre of vehicle j; FAR where it does not, or not `seen`."""
     nearest = jnp.asarray(FAR, bodies.station.dtype)
     for link, station in ((bodies.link, bodies.station), (bodies.other, bodies.other_station)):
@@ -81,7 +82,7 @@ def ahead(chain: Chain, bodies: Bodies, seen: Bool[Array, "j i"]) -> Float[Array
     return jnp.where(seen, nearest, FAR)
 
 
-def behind(chain: Chain, link: Array, station: Array, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
+def behind(chain: Chain, link: Array, *, station: Array, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
     """Distance at which driver j, on its chain, meets the place (link_i, station_i); FAR where it does not."""
     nearest = jnp.asarray(FAR, station.dtype)
     for m in range(chain.link.shape[0]):
@@ -90,7 +91,7 @@ def behind(chain: Chain, link: Array, station: Array, seen: Bool[Array, "j i"]) 
     return jnp.where(seen, nearest, FAR)
 
 
-def nearest(distance: Float[Array, "j i"], bodies: Bodies, half: Float[Array, " i"]) -> Neighbour:
+def nearest(distance: Float[Array, "j i"], bodies: Bodies, *, half: Float[Array, " i"]) -> Neighbour:
     """The vehicle j nearest to each i, bumper to bumper. The choice is hard; gap and speed are differentiable."""
     edge = distance - bodies.half[:, None]
     first = safe.minimum(edge, 0)

@@ -24,6 +24,7 @@ GONE = -1e3  # s, claim of a driver who is in the junction or cannot stop before
 def red_distance(
     graph: RoadGraph,
     signals: Signals,
+    *,
     chain: Chain,
     front: Float[Array, " n"],
     speed: Float[Array, " n"],
@@ -49,7 +50,7 @@ def red_distance(
     return found
 
 
-def end_distance(lanes: LaneTables, chain: Chain, front: Float[Array, " n"]) -> Float[Array, " n"]:
+def end_distance(lanes: LaneTables, chain: Chain, *, front: Float[Array, " n"]) -> Float[Array, " n"]:
     """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not."""
     to_end = chain.start + take(lanes.graph.length, chain.link)
     ends = take(lanes.ends, chain.link) & (chain.start > -0.5 * FAR)
@@ -59,6 +60,7 @@ def end_distance(lanes: LaneTables, chain: Chain, front: Float[Array, " n"]) -> 
 def yield_distance(
     lanes: LaneTables,
     bodies: Bodies,
+    *,
     chain: Chain,
     stopped: Bool[Array, " n"],
     patience: float | Array,

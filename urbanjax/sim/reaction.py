@@ -47,7 +47,7 @@ class Presence:
 
 
 def own_link(
-    lanes: LaneTables, previous: Int[Array, ""], centre: Float[Array, "2"], heading: Float[Array, ""]
+    lanes: LaneTables, previous: Int[Array, ""], *, centre: Float[Array, "2"], heading: Float[Array, ""]
 ) -> Array:
     """The link the ego is on now [int32]: the nearest of the previous one, its neighbours and its successors."""
     graph = lanes.graph
@@ -73,7 +73,7 @@ def around(graph: RoadGraph, link: Int[Array, ""]) -> tuple[Int[Array, " e"], Bo
 
 
 def presence(
-    lanes: LaneTables, link: Int[Array, ""], ego: VehicleState, vehicle: VehicleParams, params: ReactionParams
+    lanes: LaneTables, link: Int[Array, ""], *, ego: VehicleState, vehicle: VehicleParams, params: ReactionParams
 ) -> Presence:
     """Where the ego stands on `link`, the one it is on, and on the links beside it."""
     links, exists = around(lanes.graph, link)
@@ -91,6 +91,7 @@ def presence(
 def braking(
     seen: Presence,
     traffic: Traffic,
+    *,
     chain: Chain,
     params: TrafficParams,
     reaction: ReactionParams,
@@ -109,7 +110,7 @@ def braking(
     shape = gap.shape
     idm = params.idm.replace(time_headway=jnp.broadcast_to(traffic.headway[None, :], shape))
     ego_speed = jnp.broadcast_to(seen.speed[:, None], shape)
-    wanted = interaction(jnp.broadcast_to(traffic.speed[None, :], shape), gap, ego_speed, idm)
+    wanted = interaction(jnp.broadcast_to(traffic.speed[None, :], shape), gap, front_speed=ego_speed, params=idm)
     # Bounded before it is weighted: a huge product of a tiny degree and a huge braking would not be smooth.
     bounded = jnp.minimum(wanted, params.idm.acceleration + params.max_deceleration)
     return safe.maximum(inside[:, None] * passed * bounded, 0)

@@ -45,7 +45,7 @@ class Recording:
         return self.valid.shape[1]
 
 
-def record(tracks: Sequence[RecordedTrack], dt: float, origin: tuple[float, float]) -> Recording:
+def record(tracks: Sequence[RecordedTrack], dt: float, *, origin: tuple[float, float]) -> Recording:
     """All tracks on one clock of T steps from 0; what lies between two states of a track is valid and interpolated."""
     steps = 1 + max((int(track.step[-1]) for track in tracks), default=0)
     count = len(tracks)

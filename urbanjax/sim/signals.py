@@ -18,7 +18,7 @@ class SignalProgram:
 
 
 def alternating(
-    n_signals: int, n_phases: int = 2, cycle: float = 60.0, yellow: float = 3.0, clearance: float = 2.0
+    n_signals: int, n_phases: int = 2, *, cycle: float = 60.0, yellow: float = 3.0, clearance: float = 2.0
 ) -> SignalProgram:
     """A program in which signal g is green in phase g mod n_phases, all-red for `clearance` s between phases."""
     phase = jnp.arange(n_signals) % n_phases

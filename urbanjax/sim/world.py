@@ -77,7 +77,7 @@ def look(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Snapshot
     centre = box_centre(world.ego, params.vehicle)
     return Snapshot(
         centre=centre,
-        ego_link=reaction.own_link(lanes, world.ego_link, centre, world.ego.heading),
+        ego_link=reaction.own_link(lanes, world.ego_link, centre=centre, heading=world.ego.heading),
         others=everybody(params, lanes, world=world),
         signals=signals.show(world.signals, world.time),
     )
@@ -105,14 +105,16 @@ def step(
 
     def substep(carry: tuple, _: None) -> tuple[tuple, None]:
         ego, traffic, presence, travelled = carry
-        chain = agents.chain_of(lanes, traffic, params.traffic)
-        to_ego = reaction.braking(presence, traffic, chain, params.traffic, params.reaction, relaxation)
-        to_stop = agents.stop_braking(traffic, held.distance - travelled, params.traffic)
+        chain = agents.chain_of(lanes, traffic, params=params.traffic)
+        to_ego = reaction.braking(
+            presence, traffic, chain=chain, params=params.traffic, reaction=params.reaction, relaxation=relaxation
+        )
+        to_stop = agents.stop_braking(traffic, held.distance - travelled, params=params.traffic)
         strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
-        wanted = agents.follow(lanes, traffic, chain, strongest, params.traffic)
+        wanted = agents.follow(lanes, traffic, chain=chain, braking=strongest, params=params.traffic)
         before = traffic.speed
-        traffic = agents.move(lanes, traffic, wanted, params.traffic, small)
-        ego = bicycle_step(ego, command, params.vehicle, small)
+        traffic = agents.move(lanes, traffic, acceleration=wanted, params=params.traffic, dt=small)
+        ego = bicycle_step(ego, command, params=params.vehicle, dt=small)
         travelled = travelled + 0.5 * (before + traffic.speed) * small
         return (ego, traffic, reaction.advance(presence, small), travelled), None
 
@@ -132,12 +134,12 @@ class Held:
 def _decide(params: SimParams, lanes: LaneTables, world: WorldState, seen: Snapshot) -> tuple[Traffic, Presence, Held]:
     """The choices of one policy step: traffic with begun changes, the ego's presence, what holds traffic back."""
     p, traffic, ego = params.traffic, world.traffic, world.ego
-    presence = reaction.presence(lanes, seen.ego_link, ego, params.vehicle, params.reaction)
+    presence = reaction.presence(lanes, seen.ego_link, ego=ego, vehicle=params.vehicle, params=params.reaction)
     drivers = _drivers(lanes, traffic, presence, p)
     held = _holds(lanes, seen.signals, drivers, p)
     if params.lane_changes:
         left = world.count % 2 == 0
-        traffic, held_braking = mobil.decide(lanes, traffic, drivers, left, p)
+        traffic, held_braking = mobil.decide(lanes, traffic, drivers=drivers, left=left, params=p)
     else:
         held_braking = jnp.zeros_like(traffic.speed)
     return traffic, presence, Held(held, held_braking)
@@ -166,13 +168,13 @@ def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: Traffi
         join(them.speed, jnp.maximum(seen.speed[0], 0.0)),
     )
     route, exists = join(traffic.route, 0), join(traffic.valid, present)
-    chain = look_ahead(lanes, bodies.link, bodies.station, route, exists, params.n_links)
+    chain = look_ahead(lanes, bodies.link, station=bodies.station, choice=route, exists=exists, n_links=params.n_links)
     headway = join(traffic.headway, params.idm.time_headway)
     factor = join(traffic.desired_speed, 1.0)
     free = free_acceleration(
         bodies.speed,
-        agents.wanted_speed(lanes, factor, chain, params),
-        params.idm,
+        agents.wanted_speed(lanes, factor, chain=chain, params=params),
+        params=params.idm,
     )
     return mobil.Drivers(bodies, chain, route, exists, free, headway)
 
@@ -180,10 +182,18 @@ def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: Traffi
 def _holds(lanes: LaneTables, shown: Signals, drivers: mobil.Drivers, params: TrafficParams) -> Array:
     """Distance to where each vehicle has to stop [V] m: red signal, end of the lane, right of way."""
     bodies, chain = drivers.bodies, drivers.chain
-    red = priority.red_distance(lanes.graph, shown, chain, bodies.half, bodies.speed, params.idm.deceleration)
-    end = priority.end_distance(lanes, chain, bodies.half)
+    red = priority.red_distance(
+        lanes.graph, shown, chain=chain, front=bodies.half, speed=bodies.speed, deceleration=params.idm.deceleration
+    )
+    end = priority.end_distance(lanes, chain, front=bodies.half)
     way = priority.yield_distance(
-        lanes, bodies, chain, red < 0.5 * FAR, params.patience, params.conflict_range, params.idm.deceleration
+        lanes,
+        bodies,
+        chain=chain,
+        stopped=red < 0.5 * FAR,
+        patience=params.patience,
+        conflict_range=params.conflict_range,
+        deceleration=params.idm.deceleration,
     )
     return jnp.minimum(jnp.minimum(red, end), way)[:-1]
 
@@ -220,7 +230,9 @@ def observe(
     scan = None
     if sensing is not None:
         key = jax.random.fold_in(sensing.key, world.count)
-        scan = sweep(params.lidar, sensing.surroundings, seen.others, ego, odometry.yaw_rate, key)
+        scan = sweep(
+            params.lidar, sensing.surroundings, vehicles=seen.others, ego=ego, yaw_rate=odometry.yaw_rate, key=key
+        )
     return Observation(
         odometry=odometry,
         objects=nearest_objects(params, seen.others, centre=seen.centre),
@@ -232,7 +244,7 @@ def observe(
 
 def everybody(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Objects:
     """All other road users [V], simulated and recorded. Args: lanes, of the road; world, now."""
-    vehicles = agents.objects(lanes, world.traffic, params.traffic)
+    vehicles = agents.objects(lanes, world.traffic, params=params.traffic)
     if world.replay is None:
         return vehicles
     recorded = replay.objects(world.replay, world.time)

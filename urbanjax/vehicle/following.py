@@ -36,7 +36,7 @@ def highway_idm() -> IDMParams:
     return IDMParams(3.0, 5.0, 1.5, 10.0, 4.0, floored=False)
 
 
-def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], params: IDMParams) -> Float[Array, "*b"]:
+def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], *, params: IDMParams) -> Float[Array, "*b"]:
     """Gap that IDM wants [m], s0 + v T + v (v - v_f) / (2 sqrt(a b))."""
     closing = speed * (speed - front_speed) / (2 * jnp.sqrt(params.acceleration * params.deceleration))
     dynamic = speed * params.time_headway + closing
@@ -44,7 +44,7 @@ def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], para
 
 
 def free_acceleration(
-    speed: Float[Array, "*b"], desired_speed: Float[Array, "*b"], params: IDMParams
+    speed: Float[Array, "*b"], desired_speed: Float[Array, "*b"], *, params: IDMParams
 ) -> Float[Array, "*b"]:
     """IDM's acceleration on a free road [m/s^2], a (1 - (v / v_0)^exponent)."""
     # The floor keeps the logarithm inside the power, and its derivative, finite at standstill.
@@ -53,16 +53,17 @@ def free_acceleration(
 
 
 def interaction(
-    speed: Float[Array, "*b"], gap: Float[Array, "*b"], front_speed: Float[Array, "*b"], params: IDMParams
+    speed: Float[Array, "*b"], gap: Float[Array, "*b"], *, front_speed: Float[Array, "*b"], params: IDMParams
 ) -> Float[Array, "*b"]:
     """IDM's braking for a front vehicle [m/s^2], a (s* / s)^2, not negative; about 0 for a gap of 1e6 m."""
-    ratio = desired_gap(speed, front_speed, params) / jnp.maximum(gap, MIN_GAP)
+    ratio = desired_gap(speed, front_speed, params=params) / jnp.maximum(gap, MIN_GAP)
     return params.acceleration * ratio * ratio
 
 
 def idm_acceleration(
     speed: Float[Array, "*b"],
     desired_speed: Float[Array, "*b"],
+    *,
     gap: Float[Array, "*b"],
     front_speed: Float[Array, "*b"],
     params: IDMParams,
@@ -71,12 +72,15 @@ def idm_acceleration(
 
     Equal to highway-env's `IDMVehicle.acceleration` with `highway_idm()`, where the gap is measured centre to centre.
     """
-    return free_acceleration(speed, desired_speed, params) - interaction(speed, gap, front_speed, params)
+    return free_acceleration(speed, desired_speed, params=params) - interaction(
+        speed, gap, front_speed=front_speed, params=params
+    )
 
 
 def constant_headway_speed(
     speed: Float[Array, "*b"],
     gap: Float[Array, "*b"],
+    *,
     front_speed: Float[Array, "*b"],
     cap: Float[Array, "*b"],
     params: HeadwayParams,

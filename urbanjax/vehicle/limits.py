@@ -10,7 +10,7 @@ MIN_SPEED = 1e-2  # m/s, below which a limit is as good as zero
 
 
 def curve_speed(
-    curvature: Float[Array, "*b"], lateral_acceleration: float | Array, cap: float | Array
+    curvature: Float[Array, "*b"], lateral_acceleration: float | Array, *, cap: float | Array
 ) -> Float[Array, "*b"]:
     """Highest speed in a curve [m/s], min(cap, sqrt(a_lat / |kappa|)); the cap on a straight road."""
     bound = jnp.maximum(cap, MIN_SPEED)
@@ -18,7 +18,7 @@ def curve_speed(
 
 
 def stop_speed(
-    distance: Float[Array, "*b"], deceleration: float | Array, reaction_time: float | Array = 0.0
+    distance: Float[Array, "*b"], deceleration: float | Array, *, reaction_time: float | Array = 0.0
 ) -> Float[Array, "*b"]:
     """Speed from which one can stop within `distance` m [m/s], 0 at and behind the stop.
 
@@ -30,7 +30,7 @@ def stop_speed(
 
 
 def approach_speed(
-    distance: Float[Array, "*b"], target_speed: Float[Array, "*b"], deceleration: float | Array
+    distance: Float[Array, "*b"], target_speed: Float[Array, "*b"], *, deceleration: float | Array
 ) -> Float[Array, "*b"]:
     """Speed from which one can reach `target_speed` within `distance` m [m/s], sqrt(v^2 + 2 a d)."""
     return safe.sqrt(target_speed * target_speed + 2 * deceleration * jnp.maximum(distance, 0.0))

@@ -10,7 +10,7 @@ from urbanjax.vehicle.params import VehicleParams
 
 
 def bicycle_step(
-    state: VehicleState, command: Command, params: VehicleParams, dt: float | Float[Array, ""]
+    state: VehicleState, command: Command, *, params: VehicleParams, dt: float | Float[Array, ""]
 ) -> VehicleState:
     """State after `dt` s of the kinematic bicycle, without slip, about the rear axle.
 
@@ -36,28 +36,26 @@ def bicycle_step(
 
 
 def highway_step(
-    centre: Float[Array, "*b 2"],
-    heading: Float[Array, "*b"],
-    speed: Float[Array, "*b"],
-    acceleration: Float[Array, "*b"],
-    steering: Float[Array, "*b"],
-    dt: float,
-    length: float = 5.0,
-    max_speed: float = 40.0,
-) -> tuple[Float[Array, "*b 2"], Float[Array, "*b"], Float[Array, "*b"]]:
-    """Centre [m], heading [rad] and speed [m/s] after one explicit Euler step of highway-env's `Vehicle.step`.
+    state: VehicleState, command: Command, *, dt: float, length: float = 5.0, max_speed: float = 40.0
+) -> VehicleState:
+    """State after one explicit Euler step of highway-env's `Vehicle.step`.
 
-    Its reference point is the centre, its axles stand half a length before and behind, and speed is limited softly
-    through the acceleration only. Impacts after a collision are not modelled.
+    Its reference point is the centre, not the rear axle, its axles stand half a length before and behind, and speed is
+    limited softly through the acceleration only. Impacts after a collision are not modelled. Args: state, of which
+    `position` is the centre of the box; command, acceleration and steering for the step; dt [s]; length [m] of the
+    vehicle; max_speed [m/s].
     """
-    limited = jnp.where(speed > max_speed, jnp.minimum(acceleration, max_speed - speed), acceleration)
-    limited = jnp.where(speed < -max_speed, jnp.maximum(acceleration, -max_speed - speed), limited)
-    slip = jnp.arctan(0.5 * jnp.tan(steering))
+    heading, speed, wanted = state.heading, state.speed, command.acceleration
+    limited = jnp.where(speed > max_speed, jnp.minimum(wanted, max_speed - speed), wanted)
+    limited = jnp.where(speed < -max_speed, jnp.maximum(wanted, -max_speed - speed), limited)
+    slip = jnp.arctan(0.5 * jnp.tan(command.steering))
     course = jnp.stack([jnp.cos(heading + slip), jnp.sin(heading + slip)], axis=-1)
-    return (
-        centre + speed[..., None] * course * dt,
-        heading + speed * jnp.sin(slip) / (length / 2) * dt,
-        speed + limited * dt,
+    return VehicleState(
+        position=state.position + speed[..., None] * course * dt,
+        heading=heading + speed * jnp.sin(slip) / (length / 2) * dt,
+        speed=speed + limited * dt,
+        acceleration=limited,
+        steering=command.steering,
     )
 
 

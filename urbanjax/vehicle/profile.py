@@ -18,7 +18,7 @@ class ProfileParams:
 
 
 def free_flow(
-    speed: Float[Array, ""], cap: Float[Array, "k"], distance: Float[Array, "k"], params: ProfileParams
+    speed: Float[Array, ""], cap: Float[Array, "k"], *, distance: Float[Array, "k"], params: ProfileParams
 ) -> tuple[Float[Array, "k"], Float[Array, "k"]]:
     """Speed [K] (m/s) and arrival time [K] (s) along a path without traffic.
 

@@ -55,7 +55,7 @@ def test_a_circle_becomes_a_chain_of_links_round_it(tmp_path, form):
 
 def test_the_track_can_be_driven_round(tmp_path):
     found = maps.read(write(tmp_path, text(circle())))
-    course = course_between(found.graph, 0, len(found.ids) - 1, corridor=CorridorParams(lanes=1, n_stations=512))
+    course = course_between(found.graph, 0, goal=len(found.ids) - 1, corridor=CorridorParams(lanes=1, n_stations=512))
     there = np.asarray(course.corridor.valid)
     assert float(course.corridor.length) == pytest.approx(2 * np.pi * 39.0, rel=2e-3)
     np.testing.assert_allclose(np.asarray(course.corridor.lane_width)[there], 8.0, atol=0.02)

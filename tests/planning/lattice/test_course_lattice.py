@@ -33,7 +33,7 @@ def circuit(position, right, left):
     n = len(position)
     track = Racetrack(position, np.broadcast_to(right, n), np.broadcast_to(left, n), np.arange(n), closed=True)
     found = racetrack.road_map(Path("made up"), track)
-    return course_between(found.graph, 0, len(found.ids) - 1, corridor=FEW)
+    return course_between(found.graph, 0, goal=len(found.ids) - 1, corridor=FEW)
 
 
 def built(course, params=COARSE, relaxation=None):
@@ -186,7 +186,7 @@ def test_a_path_is_smooth_in_the_plane_and_as_long_as_its_edges(winding, lattice
 def test_an_open_road_has_no_edges_beyond_its_end_and_none_over_a_solid_line():
     graph = builders.curve(radius=60.0, angle=1.0, n_lanes=2, lead=40.0, style=RoadStyle(section=200.0))
     course = course_between(
-        graph, 1, int(np.flatnonzero(np.asarray(graph.has_left))[-1]), corridor=CorridorParams(lanes=3)
+        graph, 1, goal=int(np.flatnonzero(np.asarray(graph.has_left))[-1]), corridor=CorridorParams(lanes=3)
     )
     open_road, params = built(course)
     assert not params.closed
@@ -197,7 +197,9 @@ def test_an_open_road_has_no_edges_beyond_its_end_and_none_over_a_solid_line():
     assert np.any(np.asarray(open_road.edge)[:, across] > 0)
     solid = graph.replace(left_change=0 * graph.left_change > 0, right_change=0 * graph.left_change > 0)
     barred = built(
-        course_between(solid, 1, int(np.flatnonzero(np.asarray(graph.has_left))[-1]), corridor=CorridorParams(lanes=3))
+        course_between(
+            solid, 1, goal=int(np.flatnonzero(np.asarray(graph.has_left))[-1]), corridor=CorridorParams(lanes=3)
+        )
     )[0]
     assert not np.any(np.asarray(barred.edge)[:, (lane[:, None] == 1) & (lane[None, :] == 2)])
     part = slide(open_road, jnp.asarray(1e4), SlideParams(n_layers=6))

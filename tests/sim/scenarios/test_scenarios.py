@@ -34,7 +34,7 @@ def ego_gaps(lanes, scenario):
     """Gap of the ego to every vehicle, [512, V]; 1e3 where there is none."""
 
     def one(world):
-        boxes = agents.objects(lanes, world.traffic, SIM.traffic)
+        boxes = agents.objects(lanes, world.traffic, params=SIM.traffic)
         n = boxes.heading.shape[0]
         centre = jnp.broadcast_to(box_centre(world.ego, SIM.vehicle), (n, 2))
         size = [jnp.full(n, value) for value in (world.ego.heading, SIM.vehicle.length, SIM.vehicle.width)]

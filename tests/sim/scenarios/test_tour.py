@@ -16,7 +16,7 @@ EXACT = TourParams(wheel_scale=1.0, wheel_noise=0.0, yaw_bias=0.0, yaw_noise=0.0
 @pytest.fixture(scope="module")
 def driven():
     graph = curve(40.0, n_lanes=2)
-    return graph, tour.drive(jax.random.key(0), course_between(graph, 1, 1).corridor, EXACT)
+    return graph, tour.drive(jax.random.key(0), course_between(graph, 1, goal=1).corridor, params=EXACT)
 
 
 def test_limits(driven):
@@ -59,7 +59,7 @@ def test_traffic_stays_around_and_off_the_own_lane(driven):
 def test_noise_has_its_size():
     graph = curve(40.0, n_lanes=2)
     params = TourParams(wheel_scale=1.01, wheel_noise=0.05, yaw_bias=0.002, yaw_noise=0.003)
-    drive = tour.drive(jax.random.key(1), course_between(graph, 1, 1).corridor, params)
+    drive = tour.drive(jax.random.key(1), course_between(graph, 1, goal=1).corridor, params=params)
     off = np.asarray(drive.odometry.speed - 1.01 * drive.ego.speed)
     assert abs(off.mean()) < 0.02
     assert 0.03 < off.std() < 0.07

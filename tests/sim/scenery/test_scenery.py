@@ -56,7 +56,7 @@ def test_nothing_stands_on_or_close_to_a_lane(surroundings, distance):
 
 
 def test_clearance_is_the_distance_or_a_little_less(graph, surroundings, distance):
-    sure = clearance(graph, surroundings.centre, surroundings.heading, surroundings.half)
+    sure = clearance(graph, surroundings.centre, heading=surroundings.heading, half=surroundings.half)
     near = distance < 4.0
     assert (sure[near] <= distance[near]).all()
     assert (distance - sure)[near].max() < 0.3

@@ -77,7 +77,14 @@ def drive(loop: LoopParams, scene: RecordedScene) -> list[Drive]:
 def worlds_of(loop: LoopParams, scene: RecordedScene) -> WorldState:
     """The worlds at the starts, [E, ...]: recorded road users only."""
     count = len(scene.starts)
-    nobody = traffic(jnp.zeros(1, jnp.int32), jnp.zeros(1), jnp.zeros(1), 1.0, loop.sim.traffic, jnp.zeros(1, bool))
+    nobody = traffic(
+        jnp.zeros(1, jnp.int32),
+        jnp.zeros(1),
+        speed=jnp.zeros(1),
+        limit=1.0,
+        params=loop.sim.traffic,
+        valid=jnp.zeros(1, bool),
+    )
     links = jnp.asarray([start.link for start in scene.starts], jnp.int32)
     times = jnp.asarray([start.first * scene.recording.dt for start in scene.starts])
     shared = jax.tree.map(
@@ -150,7 +157,9 @@ def _read(scene: RecordedScene, k: int, log: Log, collision: Collision, off_road
         length=float(jnp.asarray(scene.vehicle.length)[k]),
         width=float(jnp.asarray(scene.vehicle.width)[k]),
         period=float(recording.dt),
-        reached=goals.reached(start, scene.graph, path, speed, float(recording.dt)) if start.goals else None,
+        reached=goals.reached(start, scene.graph, path=path, speed=speed, period=float(recording.dt))
+        if start.goals
+        else None,
     )
 
 

@@ -9,7 +9,7 @@ from urbanjax.geometry.boxes import corners
 from urbanjax.roadmap.graph import RoadGraph
 
 
-def reached(start: EgoStart, graph: RoadGraph, path: np.ndarray, speed: np.ndarray, period: float) -> bool:
+def reached(start: EgoStart, graph: RoadGraph, *, path: np.ndarray, speed: np.ndarray, period: float) -> bool:
     """Whether some goal holds in some step: its time, place, speed and heading, as far as it names them.
 
     Args: path [T, 3] x, y (m), heading (rad) of the box centre; speed [T] m/s; period s.

@@ -11,7 +11,7 @@ AHEAD = 200.0  # m, for which a route goes on beyond where the recorded drive en
 LONG_ROUTE = 64  # links
 
 
-def find_route(graph: RoadGraph, start: int, goals: Sequence[int]) -> Route:
+def find_route(graph: RoadGraph, start: int, *, goals: Sequence[int]) -> Route:
     """The cheapest route from a link to one of `goals`, and on for 200 m. Raises RouteError where none is reached."""
     params = RouteParams(n_links=LONG_ROUTE)
     found: list[Route] = []

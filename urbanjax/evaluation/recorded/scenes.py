@@ -58,6 +58,7 @@ class RecordedScene:
 def prepare(
     name: str,
     graph: RoadGraph,
+    *,
     recording: Recording,
     params: CorridorParams,
     shortest: float,
@@ -103,13 +104,14 @@ def _replaced(graph: RoadGraph, recording: Recording, v: int, steps: int) -> Ego
         speed=float(recording.speed[v, first]),
         size=(float(recording.length[v]), float(recording.width[v])),
         link=int(links[0]),
-        route=find_route(graph, int(links[0]), (last, *beside(graph, last))),
+        route=find_route(graph, int(links[0]), goals=(last, *beside(graph, last))),
     )
 
 
 def problems(
     name: str,
     graph: RoadGraph,
+    *,
     recording: Recording,
     tasks: Sequence[PlanningProblem],
     params: CorridorParams,
@@ -139,7 +141,7 @@ def _posed(graph: RoadGraph, recording: Recording, problem: PlanningProblem) -> 
     routes: list[tuple[int, Route]] = []
     for link in own:
         with contextlib.suppress(RouteError):
-            routes.append((link, find_route(graph, link, goals or (link,))))
+            routes.append((link, find_route(graph, link, goals=goals or (link,))))
     if not routes:
         raise RouteError(f"none of the links {goals} can be reached")
     link, route = min(routes, key=lambda pair: float(pair[1].cost))

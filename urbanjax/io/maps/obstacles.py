@@ -35,7 +35,7 @@ def recording(xml: Xml, dt: float, *, found: RoadMap) -> Recording | None:
     if len(tracks) * (1 + max(int(track.step[-1]) for track in tracks)) > MOST_STATES:
         late = elements[int(np.argmax([track.step[-1] for track in tracks]))]
         raise xml.fail(late, f"its last time step makes a recording of more than {MOST_STATES} states")
-    return record(tracks, dt, found.graph.origin)
+    return record(tracks, dt, origin=found.graph.origin)
 
 
 def _track(xml: Xml, element: Element) -> RecordedTrack:

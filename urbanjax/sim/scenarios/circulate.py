@@ -76,4 +76,4 @@ def scatter(
     order = jnp.where(usable, jax.random.uniform(key, usable.shape), 2.0)
     chosen = jnp.argsort(order)[: params.n_vehicles]
     link, station = link[chosen], station[chosen]
-    return traffic(link, station, jnp.zeros_like(station), 1.0, others, usable[chosen])
+    return traffic(link, station, speed=jnp.zeros_like(station), limit=1.0, params=others, valid=usable[chosen])

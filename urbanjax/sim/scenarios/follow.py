@@ -53,11 +53,11 @@ def sample(key: Array, params: FollowParams, *, vehicle: VehicleParams, others: 
     vehicles = traffic(
         jnp.full(params.n_vehicles, LANE, jnp.int32),
         jnp.concatenate([jnp.stack([leader, leader + draw(4, params.stop_gap)]), zeros]),
-        jnp.concatenate([jnp.stack([leader_speed, jnp.zeros_like(speed)]), zeros]),
-        params.speed_limit,
-        others,
-        jnp.concatenate([jnp.stack([jnp.asarray(True), stops]), jnp.zeros(pad, bool)]),
+        speed=jnp.concatenate([jnp.stack([leader_speed, jnp.zeros_like(speed)]), zeros]),
+        limit=params.speed_limit,
+        params=others,
+        valid=jnp.concatenate([jnp.stack([jnp.asarray(True), stops]), jnp.zeros(pad, bool)]),
     )
-    ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed)
+    ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed=speed)
     link = jnp.asarray(LANE, jnp.int32)
-    return Scenario(world(ego, LANE, vehicles), link, link, jnp.asarray(False))
+    return Scenario(world(ego, LANE, vehicles=vehicles), link, link, jnp.asarray(False))

@@ -64,12 +64,12 @@ def sample(key: Array, params: OvertakeParams, *, vehicle: VehicleParams, others
     vehicles = traffic(
         jnp.concatenate([jnp.asarray([RIGHT, LEFT]), jnp.full(pad, RIGHT)]).astype(jnp.int32),
         jnp.concatenate([jnp.stack([front + gap + half, jnp.where(behind, before, after)]), zeros]),
-        jnp.concatenate([jnp.stack([leader_speed, beside_speed]), zeros]),
-        params.speed_limit,
-        others,
-        jnp.concatenate([jnp.stack([jnp.asarray(True), crowded]), jnp.zeros(pad, bool)]),
+        speed=jnp.concatenate([jnp.stack([leader_speed, beside_speed]), zeros]),
+        limit=params.speed_limit,
+        params=others,
+        valid=jnp.concatenate([jnp.stack([jnp.asarray(True), crowded]), jnp.zeros(pad, bool)]),
     )
     vehicles = vehicles.replace(reacts=vehicles.reacts.at[LEADER].set(params.leader_reacts))
-    ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed)
+    ego = ego_at(jnp.asarray(params.start, speed.dtype), jnp.zeros_like(speed), speed=speed)
     links = jnp.asarray(RIGHT, jnp.int32)
-    return Scenario(world(ego, RIGHT, vehicles), links, links, crowded)
+    return Scenario(world(ego, RIGHT, vehicles=vehicles), links, links, crowded)

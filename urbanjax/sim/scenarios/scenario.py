@@ -20,7 +20,7 @@ class Scenario:
 
 
 def traffic(
-    link: Array, station: Array, speed: Array, limit: float | Array, params: TrafficParams, valid: Array
+    link: Array, station: Array, *, speed: Array, limit: float | Array, params: TrafficParams, valid: Array
 ) -> Traffic:
     """Vehicles in the centre of their lanes that want to keep their speed; they follow, and do not change lanes.
 
@@ -58,13 +58,13 @@ def no_signals() -> SignalProgram:
     return SignalProgram(none, none, none, none)
 
 
-def ego_at(x: Array, y: Array, speed: Array) -> VehicleState:
+def ego_at(x: Array, y: Array, *, speed: Array) -> VehicleState:
     """The ego's rear axle at (x, y) [m], heading along x, steering straight."""
     zero = jnp.zeros_like(speed)
     return VehicleState(jnp.stack([x, y]), zero, speed, zero, zero)
 
 
-def world(ego: VehicleState, ego_link: int, vehicles: Traffic) -> WorldState:
+def world(ego: VehicleState, ego_link: int, *, vehicles: Traffic) -> WorldState:
     """The world at time 0."""
     return WorldState(
         ego,

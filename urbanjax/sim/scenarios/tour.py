@@ -41,7 +41,7 @@ class Tour:
     vehicles: Objects  # [T, O]
 
 
-def drive(key: Array, corridor: Corridor, params: TourParams, vehicle: VehicleParams | None = None) -> Tour:
+def drive(key: Array, corridor: Corridor, *, params: TourParams, vehicle: VehicleParams | None = None) -> Tour:
     """The drive along a whole route, as fast as speed limit and curves allow; on the host.
 
     Vehicles drive on the lanes beside the ego's, at speeds of their own; one that is left behind comes up again in

@@ -15,7 +15,7 @@ CROSSED = 4  # links that a vehicle may be ahead of the ego
 
 
 def transplant(
-    start: Scenario, lanes: LaneTables, link: Int[Array, ""], shift: float | Array, cycle: float = 60.0
+    start: Scenario, lanes: LaneTables, *, link: Int[Array, ""], shift: float | Array, cycle: float = 60.0
 ) -> Scenario:
     """An overtaking start (`overtake.sample`) with its right lane on `link` and its left lane on that one's left.
 

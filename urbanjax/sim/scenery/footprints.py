@@ -16,7 +16,7 @@ LARGE = 4.0  # m, half a diagonal
 _overlaps = jax.jit(overlap)
 
 
-def clearance(graph: RoadGraph, centre: np.ndarray, heading: np.ndarray, half: np.ndarray) -> np.ndarray:
+def clearance(graph: RoadGraph, centre: np.ndarray, *, heading: np.ndarray, half: np.ndarray) -> np.ndarray:
     """[K] m, how far rectangles are from all lanes, at least; 0 and little more where they lie on one.
 
     Taken between points of outlines and of centre lines and borders, which lie closer than a metre to any point of a
@@ -27,7 +27,7 @@ def clearance(graph: RoadGraph, centre: np.ndarray, heading: np.ndarray, half: n
     share = (np.arange(n) / n)[:, None]
     dense = lines[:, :-1, None] * (1 - share) + lines[:, 1:, None] * share
     tree = cKDTree(np.concatenate([dense.reshape(-1, 2), lines[:, -1]]))
-    points, owner = outline(centre, heading, half)
+    points, owner = outline(centre, heading, half=half)
     distance, _ = tree.query(points)
     nearest = np.full(len(centre), np.inf)
     np.minimum.at(nearest, owner, distance)
@@ -38,7 +38,7 @@ def _lines(graph: RoadGraph) -> tuple:
     return graph.left, graph.centre, graph.right
 
 
-def outline(centre: np.ndarray, heading: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def outline(centre: np.ndarray, heading: np.ndarray, *, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points [M, 2] on the outlines of rectangles, at most `PERIMETER` apart, and whose each is [M]."""
     along, across = np.array([-1, 1, 1, -1]), np.array([-1, -1, 1, 1])
     corner = np.stack([half[:, :1] * along, half[:, 1:] * across], axis=-1)
@@ -53,7 +53,7 @@ def outline(centre: np.ndarray, heading: np.ndarray, half: np.ndarray) -> tuple[
 
 
 def apart(
-    rows: dict[str, np.ndarray], rank: np.ndarray, holder: np.ndarray, kept: np.ndarray, spared: int
+    rows: dict[str, np.ndarray], rank: np.ndarray, *, holder: np.ndarray, kept: np.ndarray, spared: int
 ) -> np.ndarray:
     """[K] which stay when of two that overlap, in plan and in height, the one of higher rank goes, and all it holds.
 

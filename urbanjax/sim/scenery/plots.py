@@ -4,8 +4,7 @@ Four styles of district: `centre` (rows of houses, parked cars), `suburb` (house
 where little tells how far along the road one is, and car parks), and `green` (trees).
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -41,10 +40,16 @@ class Piece(NamedTuple):
     holder: int = -1  # piece of the same list that it is fixed to: it stands in nobody's way there, and falls with it
 
 
-Draw = Callable[[np.random.Generator, list[Piece], float, float], None]
+class Draw(Protocol):
+    """A kind of plot."""
+
+    def __call__(self, rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
+        """Adds to `pieces` what stands on `length` m of roadside from station `start` (m) on."""
 
 
-def house(rng: np.random.Generator, pieces: list[Piece], start: float, width: float, front: float, top: float) -> None:
+def house(
+    rng: np.random.Generator, pieces: list[Piece], *, start: float, width: float, front: float, top: float
+) -> None:
     """One building, often with balconies or bays on its face."""
     depth = rng.uniform(8.0, 14.0)
     turn = rng.normal(0.0, 0.02 if rng.random() < 0.8 else 1.2 / width)
@@ -58,7 +63,7 @@ def house(rng: np.random.Generator, pieces: list[Piece], start: float, width: fl
         pieces.append(Piece("box", at, front - reach, (half, reach), (bottom, bottom + 2.4), turn, me))
 
 
-def tree(rng: np.random.Generator, pieces: list[Piece], station: float, offset: float) -> None:
+def tree(rng: np.random.Generator, pieces: list[Piece], *, station: float, offset: float) -> None:
     """A trunk, and a crown on most."""
     trunk, fork = rng.uniform(0.1, 0.25), rng.uniform(2.2, 3.2)
     me = len(pieces)
@@ -69,7 +74,7 @@ def tree(rng: np.random.Generator, pieces: list[Piece], station: float, offset: 
         pieces.append(Piece("tree", station, offset, shape, (fork, fork + rng.uniform(2.0, 5.0)), holder=me))
 
 
-def kerb_cars(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def kerb_cars(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """Cars parked along the kerb, with gaps."""
     for at in np.arange(start + 3.0, start + length - 3.0, 6.2):
         if rng.random() < 0.65:
@@ -78,41 +83,41 @@ def kerb_cars(rng: np.random.Generator, pieces: list[Piece], start: float, lengt
             pieces.append(Piece("car", at + rng.normal(0, 0.25), rng.normal(2.8, 0.06), half, (0.2, top)))
 
 
-def row(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def row(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """Houses side by side at the pavement, each with a front of its own."""
     front = rng.uniform(5.2, 8.0)
     at = start
     while at < start + length - 8.0:
         width = min(rng.uniform(8.0, 22.0), start + length - at)
-        house(rng, pieces, at, width, front + rng.uniform(-0.8, 1.4), rng.uniform(6.0, 20.0))
+        house(rng, pieces, start=at, width=width, front=front + rng.uniform(-0.8, 1.4), top=rng.uniform(6.0, 20.0))
         if rng.random() < 0.3:
             wide, deep, back = rng.uniform(8.0, 14.0), rng.uniform(7.0, 12.0), rng.uniform(24.0, 30.0)
             height = (0.0, rng.uniform(15.0, 40.0))
             pieces.append(Piece("building", at + width / 2, front + back + deep, (wide, deep), height))
         at += width + (0.05 if rng.random() < 0.45 else rng.uniform(1.0, 6.0))
     if rng.random() < 0.6:
-        kerb_cars(rng, pieces, start, length)
+        kerb_cars(rng, pieces, start=start, length=length)
 
 
-def gardens(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def gardens(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """Small houses behind hedges and fences with gates."""
     at = start
     while at < start + length - 12.0:
         width, gap = rng.uniform(9.0, 15.0), rng.uniform(4.0, 12.0)
         front = rng.uniform(8.0, 14.0)
-        house(rng, pieces, at + gap / 2, width, front, rng.uniform(4.0, 8.5))
+        house(rng, pieces, start=at + gap / 2, width=width, front=front, top=rng.uniform(4.0, 8.5))
         gate, hedge = rng.uniform(3.0, 5.0), rng.uniform(4.2, 4.8)
         half = ((width + gap - gate) / 2, rng.uniform(0.1, 0.4))
         pieces.append(Piece("wall", at + half[0], hedge, half, (0.0, rng.uniform(0.8, 1.9)), rng.normal(0, 0.005)))
         if rng.random() < 0.6:
-            tree(rng, pieces, at + rng.uniform(0.0, width), rng.uniform(6.0, front - 1.0))
+            tree(rng, pieces, station=at + rng.uniform(0.0, width), offset=rng.uniform(6.0, front - 1.0))
         if rng.random() < 0.4:
             turn = np.pi / 2 + rng.normal(0, 0.1)
             pieces.append(Piece("car", at + width + gap - gate / 2, 8.0, (2.2, 0.9), (0.2, 1.5), turn))
         at += width + gap
 
 
-def wall(pieces: list[Piece], start: float, length: float, offset: float, half: float, top: float) -> None:
+def wall(pieces: list[Piece], start: float, *, length: float, offset: float, half: float, top: float) -> None:
     """A wall in straight parts, which follows the road."""
     n = int(np.ceil(length / 8.0))
     part = length / n
@@ -120,32 +125,39 @@ def wall(pieces: list[Piece], start: float, length: float, offset: float, half: 
         pieces.append(Piece("wall", at, offset, (part / 2 + 0.02, half), (0.0, top)))
 
 
-def bare_wall(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def bare_wall(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """A long smooth wall, which hides nearly all that is behind it."""
     offset = rng.uniform(3.6, 5.0)
-    wall(pieces, start, length, offset, 0.15, rng.uniform(2.6, 4.0))
+    wall(pieces, start, length=length, offset=offset, half=0.15, top=rng.uniform(2.6, 4.0))
     if rng.random() < 0.5:
         width = length * rng.uniform(0.2, 0.5)
-        house(rng, pieces, start + rng.uniform(0, length - width), width, offset + 8.0, rng.uniform(5.0, 9.0))
+        house(
+            rng,
+            pieces,
+            start=start + rng.uniform(0, length - width),
+            width=width,
+            front=offset + 8.0,
+            top=rng.uniform(5.0, 9.0),
+        )
 
 
-def car_park(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def car_park(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """Cars across, a fence, and a hall far behind."""
     for at in np.arange(start + 2.0, start + length - 2.0, 2.7):
         if rng.random() < 0.6:
             turn = np.pi / 2 + rng.normal(0, 0.03)
             half = (rng.uniform(1.9, 2.4), rng.uniform(0.82, 0.98))
             pieces.append(Piece("car", at, rng.normal(7.5, 0.2), half, (0.2, rng.uniform(1.4, 1.9)), turn))
-    wall(pieces, start + 1.0, length - 2.0, 11.5, 0.08, 1.2)
+    wall(pieces, start + 1.0, length=length - 2.0, offset=11.5, half=0.08, top=1.2)
     width = min(length - 4.0, rng.uniform(30.0, 60.0))
-    house(rng, pieces, start + 2.0, width, rng.uniform(18.0, 26.0), rng.uniform(6.0, 11.0))
+    house(rng, pieces, start=start + 2.0, width=width, front=rng.uniform(18.0, 26.0), top=rng.uniform(6.0, 11.0))
 
 
-def grove(rng: np.random.Generator, pieces: list[Piece], start: float, length: float) -> None:
+def grove(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
     """Trees in no order, here and there a kiosk."""
     for at in np.arange(start, start + length, 4.0):
         if rng.random() < 0.7:
-            tree(rng, pieces, at + rng.uniform(0, 3.0), 3.4 + rng.exponential(6.0))
+            tree(rng, pieces, station=at + rng.uniform(0, 3.0), offset=3.4 + rng.exponential(6.0))
     if rng.random() < 0.5:
         half = (rng.uniform(1.2, 2.5), rng.uniform(1.0, 1.6))
         pieces.append(Piece("wall", start + length / 2, 5.5, half, (0.0, rng.uniform(2.2, 3.0)), rng.normal(0, 0.1)))
@@ -169,7 +181,7 @@ STYLES = {
 }
 
 
-def street(rng: np.random.Generator, pieces: list[Piece], start: float, length: float, style: Style) -> None:
+def street(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float, style: Style) -> None:
     """Lamps, signs, bins and boxes on the pavement."""
     at = start + rng.uniform(0, style.lamps[0])
     while at < start + length:

@@ -45,8 +45,8 @@ def furnish(graph: RoadGraph, seed: int = 0) -> Scenery:
     rows = _placed(sides, drawn, rng)
     margin = np.array([KINDS[p.kind].margin for p in pieces])
     rank = np.array([KINDS[pieces[k].kind].rank for k in holder])
-    clear = clearance(graph, rows["centre"], rows["heading"], rows["half"]) >= margin
-    kept = apart(rows, rank, holder, clear & rows["valid"], spared=KINDS["wall"].rank)
+    clear = clearance(graph, rows["centre"], heading=rows["heading"], half=rows["half"]) >= margin
+    kept = apart(rows, rank, holder=holder, kept=clear & rows["valid"], spared=KINDS["wall"].rank)
     return as_arrays(Scenery(**{name: values[kept] for name, values in rows.items()}))
 
 
@@ -73,8 +73,8 @@ def _along(side: Roadside, zones: _Zones, rng: np.random.Generator) -> list[Piec
         place, _ = side.at(np.array([at + 20.0]), np.array([0.0]))
         style = zones.style(place[0])
         length = min(rng.uniform(*style.length), max(side.length - at, 15.0))
-        style.plots[rng.choice(len(style.plots), p=style.weights)](rng, pieces, at, length)
-        street(rng, pieces, at, length, style)
+        style.plots[rng.choice(len(style.plots), p=style.weights)](rng, pieces, start=at, length=length)
+        street(rng, pieces, start=at, length=length, style=style)
         at += length + rng.choice([0.5, 4.0, 9.0])
     return pieces
 
@@ -101,7 +101,7 @@ def _placed(sides: list[Roadside], drawn: list[list[Piece]], rng: np.random.Gene
     }
 
 
-def altered(surroundings: Scenery, share: float, seed: int = 0) -> Scenery:
+def altered(surroundings: Scenery, share: float, *, seed: int = 0) -> Scenery:
     """The surroundings with that share of the prisms changed: a third each removed, moved and resized (host side).
 
     They move 2 to 8 m along their length, which follows the road, and only shrink in plan, so that they stay off it.
