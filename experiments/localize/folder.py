@@ -71,7 +71,7 @@ def drive(params: LocalizeStudy, files: list[Path], tick: Any = lambda k: None) 
             return cloud, *step(localizer.odometry, state, cloud, motion)
 
         seconds, (cloud, state, found) = timing.timed(one)
-        motion = found.increment
+        motion = found.T_before_after
         poses.append(np.asarray(odometry.travelled(state).as_matrix(), float))
         rows.append(
             {

@@ -153,7 +153,7 @@ def _step(
         pose=_flat(located.pose),
         error=_flat(back @ located.pose),
         registered=_flat(back @ motion.planar(alignment.pose)),
-        odometry=_flat(motion.planar(info.odometry)),
+        odometry=_flat(motion.planar(info.T_start_body)),
         covariance=located.covariance,
         health=located.health,
         failed=info.failed,
@@ -176,7 +176,7 @@ def _find(
     state: LidarState,
     seen: Observation,
 ) -> tuple[relocalize.Relocalization, LidarState]:
-    starts = relocalize.lane_starts(graph, state.pose, count=search.starts)
+    starts = relocalize.lane_starts(graph, state.T_map_body, count=search.starts)
     return relocalize.relocalize(search, params, world=world, state=state, observation=seen, starts=starts)
 
 

@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import jaxlie
 import numpy as np
 import pytest
 
@@ -33,10 +34,10 @@ def test_lost_scans_are_predicted_and_named_until_scans_are_good_again(drive):
 
 
 def test_prediction_is_the_composition_of_eq_9_and_10(drive):
-    before, found = drive.states[12].pose, drive.found[12]
-    moved = before.inverse() @ found.info.predicted
+    before, found = drive.states[12].T_map_body, drive.found[12]
+    moved = before.inverse() @ found.info.T_map_predicted
     np.testing.assert_allclose(moved.translation()[:2], [10.0 * PERIOD, 0.0], atol=1e-3)
-    np.testing.assert_allclose(found.pose.translation(), found.info.predicted.translation()[:2], atol=1e-5)
+    np.testing.assert_allclose(found.pose.translation(), found.info.T_map_predicted.translation()[:2], atol=1e-5)
 
 
 def test_uncertainty_grows_without_scans_and_shrinks_with_them(drive):
@@ -48,18 +49,18 @@ def test_uncertainty_grows_without_scans_and_shrinks_with_them(drive):
 
 
 def test_odometry_alone_knows_the_way(drive):
-    way = np.asarray(drive.found[-1].info.odometry.translation())
+    way = np.asarray(drive.found[-1].info.T_start_body.translation())
     np.testing.assert_allclose(way[:2], [10.0 * PERIOD * 29, 0.0], atol=0.25)
 
 
 @pytest.mark.parametrize("start", ["predict_on_failure", "previous"])
 def test_starts_of_a_registration(street, drive, start):
     params = street.localizer.replace(start=start)
-    state, predicted = drive.states[5], drive.found[5].info.predicted
+    state, predicted = drive.states[5], drive.found[5].info.T_map_predicted
     well = lidar._start(params, state, predicted)
     failed = lidar._start(params, state.replace(monitor=state.monitor.replace(health=jnp.asarray(1))), predicted)
-    np.testing.assert_allclose(well.parameters(), state.pose.parameters())
-    expected = predicted if start == "predict_on_failure" else state.pose
+    np.testing.assert_allclose(well.parameters(), state.T_map_body.parameters())
+    expected = predicted if start == "predict_on_failure" else state.T_map_body
     np.testing.assert_allclose(failed.parameters(), expected.parameters())
 
 
@@ -77,7 +78,7 @@ def test_a_world_5_km_away_changes_less_than_a_millimetre(street, drive):
     far = jnp.array([5000.0, -3000.0, 0.0])
     cells = jnp.round(far / street.map.resolution).astype(jnp.int32)
     world = street.map.replace(first=street.map.first + cells)
-    moved = state.replace(pose=state.pose.__class__(state.pose.parameters().at[4:].add(far)))
+    moved = state.replace(T_map_body=jaxlie.SE3(state.T_map_body.parameters().at[4:].add(far)))
     seen = street.observe(street.ego(65.0), 5)
     lanes = ("centre", "left", "right")
     graph = street.graph.replace(**{name: getattr(street.graph, name) + far[None, None, :2] for name in lanes})
@@ -95,7 +96,7 @@ def test_without_a_scan_it_says_so(street, drive):
 
 def test_held_in_the_lane_that_the_camera_sees(street, drive):
     """A prediction off to the side is put where the seen lane offset says, and only there."""
-    graph, pose = street.graph, drive.states[5].pose
+    graph, pose = street.graph, drive.states[5].T_map_body
     seen = jnp.asarray(0.4)
     off_lane, keep = jax.jit(lidar.off_lane), jax.jit(lidar._keep_lane)
     aside = off_lane(graph, pose, seen=seen)

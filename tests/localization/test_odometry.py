@@ -56,10 +56,10 @@ def test_keyframes_come_with_the_way(run, street):
 def test_a_jump_is_not_believed_and_begins_a_new_local_map(run, street):
     found, states = run([(60.0, 0.0, 0.0), (60.2, 0.0, 0.0), (110.0, 0.0, 0.0), (110.2, 0.0, 0.0)])
     assert [bool(one.tracked) for one in found] == [False, True, False, True]
-    np.testing.assert_allclose(found[2].increment.translation(), 0.0, atol=1e-4)
+    np.testing.assert_allclose(found[2].T_before_after.translation(), 0.0, atol=1e-4)
     capacity = street.localizer.preprocess.downsample.capacity
     assert int(jnp.any(states[3].valid.reshape(-1, capacity), axis=1).sum()) == 1
-    np.testing.assert_allclose(found[3].increment.translation()[:2], [0.2, 0.0], atol=0.08)
+    np.testing.assert_allclose(found[3].T_before_after.translation()[:2], [0.2, 0.0], atol=0.08)
 
 
 def test_an_empty_scan_carries_the_prediction_on(run, street):
@@ -72,5 +72,5 @@ def test_an_empty_scan_carries_the_prediction_on(run, street):
         )
     )
     following, odometer = odometry.step(street.localizer.odometry, state, empty, moved)
-    np.testing.assert_allclose(odometer.increment.parameters(), moved.parameters(), atol=1e-5)
+    np.testing.assert_allclose(odometer.T_before_after.parameters(), moved.parameters(), atol=1e-5)
     np.testing.assert_array_equal(following.valid, state.valid)

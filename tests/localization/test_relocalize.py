@@ -24,7 +24,7 @@ def search(street):
 
 
 def test_starts_are_the_nearest_lane_points(street, drive):
-    pose = drive.states[5].pose
+    pose = drive.states[5].T_map_body
     starts = relocalize.lane_starts(street.graph, pose, count=24)
     here = np.asarray(pose.translation())[:2]
     away = np.linalg.norm(np.asarray(starts.translation())[:, :2] - here, axis=1)
@@ -49,10 +49,10 @@ def test_crossing_lanes_share_their_starts():
 def test_a_vehicle_put_elsewhere_is_found(street, drive, search):
     lost = drive.states[5]  # believes to be at x = 64
     seen = street.observe(street.ego(78.0), 9)
-    starts = relocalize.lane_starts(street.graph, lost.pose, count=24)
+    starts = relocalize.lane_starts(street.graph, lost.T_map_body, count=24)
     found, state = search(state=lost, observation=seen, starts=starts)
     assert bool(found.found)
-    np.testing.assert_allclose(state.pose.translation()[:2], [78.0, 0.0], atol=0.1)
+    np.testing.assert_allclose(state.T_map_body.translation()[:2], [78.0, 0.0], atol=0.1)
     assert int(state.monitor.health) == Health.PREDICT
     after, _ = street.step(street.localizer, street.map, street.graph, state, street.observe(street.ego(79.0), 10))
     np.testing.assert_allclose(after.pose.translation(), [79.0, 0.0], atol=0.1)
@@ -62,7 +62,7 @@ def test_what_is_not_there_is_not_found(street, drive, search):
     lost = drive.states[5]
     seen = street.observe(street.ego(150.0), 9)
     empty = seen.replace(scan=seen.scan.replace(valid=jnp.zeros_like(seen.scan.valid)))
-    starts = relocalize.lane_starts(street.graph, lost.pose, count=24)
+    starts = relocalize.lane_starts(street.graph, lost.T_map_body, count=24)
     found, state = search(state=lost, observation=empty, starts=starts)
     assert not bool(found.found)
-    np.testing.assert_array_equal(state.pose.parameters(), lost.pose.parameters())
+    np.testing.assert_array_equal(state.T_map_body.parameters(), lost.T_map_body.parameters())

@@ -7,7 +7,10 @@ from urbanjax.types import Observation, ScenarioError
 
 
 def step(observation: Observation) -> Localization:
-    """The observed pose, with zero covariance. Raises ScenarioError (when traced) if the observation has no pose."""
+    """The observed pose, with zero covariance. Raises ScenarioError (when traced) if the observation has no pose.
+
+    Args: observation, with the pose T_map_body.
+    """
     if observation.pose is None:
         raise ScenarioError("localizer 'given' needs observation.pose; give it, or choose another localizer")
     dtype = observation.pose.unit_complex_xy.dtype

@@ -10,6 +10,11 @@ from urbanjax.numerics import safe
 from urbanjax.registration import Alignment, degeneracy
 from urbanjax.types import pytree, static
 
+CERTAIN = 2.0  # of a sign that only says yes or no, or that is not a number: failure, whatever doubt there is
+LARGEST = 1e3  # of a sign: finite, so that scores can be compared
+LEAST_INFORMATION = 1e-6  # share of the information, below which a direction counts as having this one
+LEVEL = 0.5  # squared part of a direction in the plane, from which on it counts as lying there
+
 
 @pytree
 class HealthParams:
@@ -19,7 +24,7 @@ class HealthParams:
     most_residual: float = 0.5  # mean squared Mahalanobis distance of pairs, three times that of a good registration
     least_direction: float = 0.002  # share of the information in the plane that the weakest direction has
     innovation: float = 0.7  # m from the prediction
-    turning: float = 0.05  # rad, likewise
+    rotation: float = 0.05  # rad, likewise
     growth: float = 0.3  # m per s without registration, by which the innovation may be larger
     spread: float = 0.3  # m between the ends from several starts
     off_lane: float = 2.5  # m from the nearest lane's centre, or from the offset that the camera sees
@@ -42,14 +47,14 @@ class Monitor:
 
 
 def init(dtype: jnp.dtype | None = None) -> Monitor:
-    """All is well."""
+    """The state in which all is well. Args: dtype, of its numbers (default: JAX's)."""
     zero = jnp.zeros((), jnp.zeros(()).dtype if dtype is None else dtype)
     return Monitor(jnp.asarray(Health.NORMAL, jnp.int32), zero, zero, jnp.asarray(0, jnp.int32), jnp.asarray(False))
 
 
 def signs(
     found: Alignment,
-    predicted: jaxlie.SE3,
+    T_map_predicted: jaxlie.SE3,
     *,
     failing: Float[Array, ""],
     off_lane: Float[Array, ""],
@@ -58,45 +63,50 @@ def signs(
 ) -> Float[Array, "8"]:
     """Each Sign as a share of the value at which it means failure; `SPREAD` is left at 0.
 
-    Args: predicted, T_map_body from odometry; failing, s of failed registrations; off_lane [m]; seen, there
-    was a scan.
+    Args: found, the registration; T_map_predicted, from odometry; failing [s], of failed registrations; off_lane [m],
+    distance to the lane's centre or to the offset that the camera sees; seen [] bool, there was a scan.
     """
-    away = predicted.inverse() @ found.pose
-    distance = safe.norm(away.translation()[:2]) / (params.innovation + params.growth * failing)
-    turn = jnp.abs(away.rotation().log()[2]) / params.turning
+    T_predicted_found = T_map_predicted.inverse() @ found.pose
+    distance = safe.norm(T_predicted_found.translation()[:2]) / (params.innovation + params.growth * failing)
+    rotation = jnp.abs(T_predicted_found.rotation().log()[2]) / params.rotation
+    # The cost is half the sum of squares.
     per_pair = 2 * found.cost / jnp.maximum(found.inliers, 1)
     zero = jnp.zeros_like(distance)
     values = {
         Sign.INLIERS: safe.divide(zero + params.least_share, found.inlier_share, otherwise=jnp.inf),
         Sign.RESIDUAL: per_pair / params.most_residual,
-        Sign.WEAKEST: params.least_direction / jnp.maximum(weakest(found), 1e-6),
-        Sign.ITERATIONS: jnp.where(found.converged, 0.0, 2.0),
-        Sign.INNOVATION: jnp.maximum(distance, turn),
+        Sign.WEAKEST: params.least_direction / jnp.maximum(weakest(found), LEAST_INFORMATION),
+        Sign.ITERATIONS: jnp.where(found.converged, 0.0, CERTAIN),
+        Sign.INNOVATION: jnp.maximum(distance, rotation),
         Sign.SPREAD: zero,
         Sign.LANE: off_lane / params.off_lane,
-        Sign.SCAN: jnp.where(seen, 0.0, 2.0),
+        Sign.SCAN: jnp.where(seen, 0.0, CERTAIN),
     }
     bounded = jnp.stack([values[sign].astype(distance.dtype) for sign in Sign])
-    return jnp.where(jnp.isnan(bounded), 2.0, jnp.minimum(bounded, 1e3))
+    return jnp.where(jnp.isnan(bounded), CERTAIN, jnp.minimum(bounded, LARGEST))
 
 
 def weakest(found: Alignment) -> Float[Array, ""]:
-    """The smallest share of the translational information, of directions in the plane, that one of them has."""
+    """The smallest share of the translational information, of directions in the plane, that one of them has.
+
+    Args: found, the registration.
+    """
     known = degeneracy(found.hessian).translation
     # Directions by how much of them lies in the plane: nothing is asked of the vertical one.
     level = 1 - known.axes[:, 2] ** 2
-    return jnp.min(jnp.where(level > 0.5, known.share, 1.0))
+    return jnp.min(jnp.where(level > LEVEL, known.share, 1.0))
 
 
 def literal_gate(
-    before: jaxlie.SE3, after: jaxlie.SE3, *, iterations: int, max_distance: float | Array
+    T_map_before: jaxlie.SE3, T_map_after: jaxlie.SE3, *, iterations: int, max_distance: float | Array
 ) -> Float[Array, ""]:
     """How far Eq. 8, read as a failure test, is met: the step over n_max * eps_corres; failure above 1.
 
     The paper calls it the condition under which registration succeeds; its direction is that of a failure. It hardly
-    ever fires: 64 iterations of 3 m are 192 m, a scan moves 1.7 m.
+    ever fires: 64 iterations of 3 m are 192 m, a scan moves 1.7 m. Args: T_map_before and T_map_after, the poses of two
+    steps; iterations, n_max; max_distance [m], eps_corres.
     """
-    return safe.norm((before.inverse() @ after).translation()) / (iterations * max_distance)
+    return safe.norm((T_map_before.inverse() @ T_map_after).translation()) / (iterations * max_distance)
 
 
 def advance(
@@ -110,8 +120,9 @@ def advance(
 ) -> Monitor:
     """The next state: failure at once, recovery after `recover` good registrations in a row.
 
-    Args: score, largest sign of the registration; adrift, the scan fits neither the map nor the last scans, so that
-    the prediction has no ground; has_lane, the camera sees the lane; period [s] since the last step.
+    Args: now, the state; score, largest sign of the registration; adrift [] bool, the scan fits neither the map nor the
+    last scans, so that the prediction has no ground; has_lane [] bool, the camera sees the lane; period [s] since the
+    last step.
     """
     normal = now.health == Health.NORMAL
     failed = score > 1

@@ -27,6 +27,8 @@ PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
 SUSPICIOUS = 0.7  # of a sign, from which on other starts are tried
 MARGIN = 2.0  # m, of the map's window beyond the points of the scan
 AXLE_HEIGHT = 0.33  # m, of the centre of the rear axle, the body frame, above the ground
+START_COVARIANCE = (0.1, 0.1, 0.01)  # m^2, m^2, rad^2, before the first scan
+DRIFT_SHARES = (1.0, 1.0, 0.01)  # m^2, m^2, rad^2: variances that a drift of 1 adds in 1 m, a tenth of it in rad
 AROUND = ((0.6, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.02), (0.0, -0.5, -0.02))  # m, m, rad
 
 
@@ -56,7 +58,7 @@ class LidarLocalizerParams:
 class LidarState:
     """What the localizer carries from scan to scan."""
 
-    pose: jaxlie.SE3  # T_map_body
+    T_map_body: jaxlie.SE3
     covariance: Array  # [3, 3] of (x, y, heading) in the body frame
     odometry: OdometryState
     monitor: Monitor
@@ -70,20 +72,20 @@ class LidarInfo:
     signs: Array  # [8], see Sign: failure above 1
     failed: Array  # [] bool
     reason: Array  # [] int32, the largest Sign
-    predicted: jaxlie.SE3  # T_map_body of Eq. 10
-    odometry: jaxlie.SE3  # T_start_body of odometry alone
+    T_map_predicted: jaxlie.SE3  # Eq. 10
+    T_start_body: jaxlie.SE3  # of odometry alone
     alignment: Alignment
     tracked: Array  # [] bool, odometry found the scan to fit
     literal_gate: Array  # [] Eq. 8, failure above 1
     dropped: Array  # [2] voxels without a place: of the scan, of the map's window
 
 
-def init(params: LidarLocalizerParams, pose: jaxlie.SE2) -> LidarState:
-    """The state before the first scan. Args: pose, T_map_body of the rear axle at that scan, within half a metre."""
-    dtype = pose.translation().dtype
+def init(params: LidarLocalizerParams, T_map_body: jaxlie.SE2) -> LidarState:
+    """The state before the first scan. Args: T_map_body, of the rear axle at that scan, within half a metre."""
+    dtype = T_map_body.translation().dtype
     return LidarState(
-        pose=motion.spatial(pose),
-        covariance=jnp.diag(jnp.array([0.1, 0.1, 0.01], dtype)),
+        T_map_body=motion.spatial(T_map_body),
+        covariance=jnp.diag(jnp.array(START_COVARIANCE, dtype)),
         odometry=odometry.init(params.odometry, params.preprocess.downsample.capacity, dtype),
         monitor=health.init(dtype),
         started=jnp.asarray(False),
@@ -93,14 +95,15 @@ def init(params: LidarLocalizerParams, pose: jaxlie.SE2) -> LidarState:
 def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[Float[Array, "n 3"], Array]:
     """The scan's points [N, 3] (m) in the body frame at its stamp, without the sweep's motion, and which of them count.
 
-    Raises ScenarioError (when traced) if the observation has no scan.
+    Raises ScenarioError (when traced) if the observation has no scan. Args: observation, with a scan and odometry.
     """
     scan = observation.scan
     if not isinstance(scan, Scan):
         raise ScenarioError("localizer 'lidar' needs observation.scan; give it, or choose another localizer")
     x, y, z, yaw = (jnp.asarray(value, scan.position.dtype) for value in params.mount)
-    mount = jaxlie.SE3.from_rotation_and_translation(jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z - AXLE_HEIGHT]))
-    points = motion.deskew(scan, mount, odometry=observation.odometry)
+    rotation, translation = jaxlie.SO3.from_z_radians(yaw), jnp.stack([x, y, z - AXLE_HEIGHT])
+    T_body_lidar = jaxlie.SE3.from_rotation_and_translation(rotation, translation)
+    points = motion.deskew(scan, T_body_lidar, odometry=observation.odometry)
     # Beyond the window of the map a point could not be explained, and would count against the registration.
     reach = jnp.minimum(params.sensing_radius, sliding.radius(observation.odometry.speed, params.sliding) - MARGIN)
     near = points[:, 0] ** 2 + points[:, 1] ** 2 < reach**2
@@ -108,7 +111,10 @@ def points_of(params: LidarLocalizerParams, observation: Observation) -> tuple[F
 
 
 def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[PointCloud, Array]:
-    """The scan as a cloud with features, and how many voxels found no place in it. Errors as of `points_of`."""
+    """The scan as a cloud with features, and how many voxels found no place in it. Errors as of `points_of`.
+
+    Args: observation, with a scan and odometry.
+    """
     cloud, info = preprocess(*points_of(params, observation), params=params.preprocess)
     return cloud, info.dropped
 
@@ -118,26 +124,32 @@ def step(
 ) -> tuple[Localization, LidarState]:
     """The pose at the stamp of the scan, and the next state. Pure; the gradient is that of the registration.
 
-    Raises ScenarioError (when traced) if the observation has no scan. Args: world, the point-cloud map; graph, for the
-    lane that an observed lane offset belongs to.
+    Raises ScenarioError (when traced) if the observation has no scan. Args: world, the point-cloud map; graph, the road
+    graph, for the lane that an observed lane offset belongs to (None: no lane is known); state, of the step before;
+    observation, with scan and odometry, and the lane offset if there is one.
     """
     with jax.named_scope("preprocess"):
         cloud, dropped = cloud_of(params, observation)
         seen = jnp.sum(cloud.valid) >= params.preprocess.features.neighbours
     with jax.named_scope("odometry"):
-        wheels = motion.travelled(observation.odometry, jnp.where(state.started, params.period, 0.0))
-        tracking, odometer = odometry.step(params.odometry, state.odometry, cloud, wheels)
-        predicted = (state.pose @ odometer.increment).normalize()
+        T_before_wheels = motion.travelled(observation.odometry, jnp.where(state.started, params.period, 0.0))
+        tracking, odometer = odometry.step(params.odometry, state.odometry, cloud, T_before_wheels)
+        T_map_predicted = (state.T_map_body @ odometer.T_before_after).normalize()
     with jax.named_scope("window"):
         target, missed = sliding.window(
-            world, predicted.translation(), speed=observation.odometry.speed, params=params.sliding
+            world, T_map_predicted.translation(), speed=observation.odometry.speed, params=params.sliding
         )
     with jax.named_scope("registration"):
-        found = align(cloud, target, start=_start(params, state, predicted), params=params.align)
+        found = align(cloud, target, start=_start(params, state, T_map_predicted), params=params.align)
     with jax.named_scope("health"):
-        aside = off_lane(graph, predicted if params.fallback else found.pose, seen=observation.lane_offset)
+        aside = off_lane(graph, T_map_predicted if params.fallback else found.pose, seen=observation.lane_offset)
         signs = health.signs(
-            found, predicted, failing=state.monitor.failing, off_lane=jnp.abs(aside), seen=seen, params=params.health
+            found,
+            T_map_predicted,
+            failing=state.monitor.failing,
+            off_lane=jnp.abs(aside),
+            seen=seen,
+            params=params.health,
         )
         signs = _with_spread(params, signs, cloud, target, found)
         score = jnp.max(signs)
@@ -146,9 +158,9 @@ def step(
         monitor = health.advance(
             state.monitor, score, adrift=adrift, has_lane=has_lane, period=params.period, params=params.health
         )
-    carried = _keep_lane(graph, predicted, aside, monitor.health == Health.LANE)
+    T_map_carried = _keep_lane(graph, T_map_predicted, aside, monitor.health == Health.LANE)
     use = ~failed if params.fallback else jnp.asarray(True)
-    pose = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, carried)
+    T_map_body = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, T_map_carried)
     covariance = jnp.where(
         use,
         params.covariance_scale * found.covariance[jnp.ix_(jnp.array(PLANE), jnp.array(PLANE))],
@@ -158,30 +170,30 @@ def step(
         signs=signs,
         failed=failed,
         reason=jnp.argmax(signs).astype(jnp.int32),
-        predicted=predicted,
-        odometry=odometry.travelled(tracking),
+        T_map_predicted=T_map_predicted,
+        T_start_body=odometry.travelled(tracking),
         alignment=found,
         tracked=odometer.tracked,
         literal_gate=health.literal_gate(
-            state.pose,
+            state.T_map_body,
             found.pose,
             iterations=params.align.max_iterations,
             max_distance=params.align.factor.max_distance,
         ),
         dropped=jnp.stack([dropped, missed]),
     )
-    following = LidarState(pose.normalize(), covariance, tracking, monitor, jnp.asarray(True))
-    return Localization(motion.planar(pose), covariance, monitor.health, info), following
+    following = LidarState(T_map_body.normalize(), covariance, tracking, monitor, jnp.asarray(True))
+    return Localization(motion.planar(T_map_body), covariance, monitor.health, info), following
 
 
-def _start(params: LidarLocalizerParams, state: LidarState, predicted: jaxlie.SE3) -> jaxlie.SE3:
+def _start(params: LidarLocalizerParams, state: LidarState, T_map_predicted: jaxlie.SE3) -> jaxlie.SE3:
     """Where the registration begins: T_t-1, or T_pred of Eq. 10, always or after a failure."""
     if params.start == "previous":
-        return state.pose
+        return state.T_map_body
     if params.start == "always_predict":
-        return predicted
+        return T_map_predicted
     well = state.monitor.health == Health.NORMAL
-    return jax.tree.map(lambda a, b: jnp.where(well, a, b), state.pose, predicted)
+    return jax.tree.map(lambda a, b: jnp.where(well, a, b), state.T_map_body, T_map_predicted)
 
 
 def _with_spread(
@@ -205,36 +217,37 @@ def _with_spread(
     return signs.at[Sign.SPREAD].set(value / params.health.spread)
 
 
-def off_lane(graph: RoadGraph | None, pose: jaxlie.SE3, *, seen: Array | None) -> Float[Array, ""]:
+def off_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, *, seen: Array | None) -> Float[Array, ""]:
     """How far the pose is left of where it should be [m]: of the offset that the camera sees, else of its lane.
 
-    The alarm of the paper's resilience: 0 without a road graph.
+    The alarm of the paper's resilience: 0 without a road graph. Args: graph, the road graph or None; T_map_body; seen
+    [] m, the offset that the camera sees, or None.
     """
     if graph is None:
-        return jnp.zeros((), pose.translation().dtype)
-    flat = motion.planar(pose)
+        return jnp.zeros((), T_map_body.translation().dtype)
+    flat = motion.planar(T_map_body)
     lane = locate(graph, flat.translation()[None], flat.rotation().as_radians()[None])
     offset = lane.offset[0]
     return offset - (jnp.zeros_like(offset) if seen is None else seen)
 
 
-def _keep_lane(graph: RoadGraph | None, pose: jaxlie.SE3, aside: Array, keeps: Array) -> jaxlie.SE3:
+def _keep_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, aside: Array, keeps: Array) -> jaxlie.SE3:
     """The pose moved sideways onto the lane offset that the camera sees."""
     if graph is None:
-        return pose
-    flat = motion.planar(pose)
+        return T_map_body
+    flat = motion.planar(T_map_body)
     heading = flat.rotation().as_radians()
     lane = locate(graph, flat.translation()[None], heading[None])
     along = heading - lane.heading_error[0]
     left = jnp.stack([-jnp.sin(along), jnp.cos(along), jnp.zeros_like(along)])
-    shift = jnp.where(keeps & lane.valid[0], -aside, 0.0) * left
-    return jaxlie.SE3.from_rotation_and_translation(pose.rotation(), pose.translation() + shift)
+    translation = T_map_body.translation() + jnp.where(keeps & lane.valid[0], -aside, 0.0) * left
+    return jaxlie.SE3.from_rotation_and_translation(T_map_body.rotation(), translation)
 
 
 def _carried(params: LidarLocalizerParams, state: LidarState, odometer: Odometer) -> Float[Array, "3 3"]:
     """The covariance after a step of odometry."""
-    moved = motion.planar(odometer.increment)
-    turn = moved.inverse().adjoint()
-    way = safe.norm(moved.translation())
-    grown = params.drift**2 * way * jnp.diag(jnp.array([1.0, 1.0, 0.01], way.dtype))
-    return jnp.linalg.multi_dot([turn, state.covariance, turn.T], precision=lax.Precision.HIGHEST) + grown
+    T_before_after = motion.planar(odometer.T_before_after)
+    adjoint = T_before_after.inverse().adjoint()
+    way = safe.norm(T_before_after.translation())
+    grown = params.drift**2 * way * jnp.diag(jnp.array(DRIFT_SHARES, way.dtype))
+    return jnp.linalg.multi_dot([adjoint, state.covariance, adjoint.T], precision=lax.Precision.HIGHEST) + grown

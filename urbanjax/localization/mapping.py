@@ -32,13 +32,13 @@ def build(
 ) -> PointMap:
     """The map of scans: clouds in the body frame with features, each with its pose T_map_body [4, 4] (float64).
 
-    Raises CloudError if there is no point. Args: resolution [m], of the voxels whose points are averaged; origin [m],
-    taken off the poses in double precision.
+    Raises CloudError if there is no point. Args: scans, pairs of a cloud and a pose; resolution [m], of the voxels
+    whose points are averaged; origin [m], taken off the poses in double precision.
     """
     merged: np.ndarray | None = None
     waiting: list[np.ndarray] = []
-    for cloud, pose in scans:
-        waiting.append(_placed(cloud, np.asarray(pose, float), np.asarray(origin)))
+    for cloud, T_map_body in scans:
+        waiting.append(_placed(cloud, np.asarray(T_map_body, float), np.asarray(origin)))
         if sum(map(len, waiting)) > CHUNK:
             merged, waiting = _merge([*([] if merged is None else [merged]), *waiting], resolution), []
     merged = _merge([*([] if merged is None else [merged]), *waiting], resolution) if waiting else merged
@@ -54,22 +54,22 @@ def build(
 
 
 def distributions(points: PointMap, params: MapParams) -> VoxelMap:
-    """The map as distributions, for the localizer (Eq. 3-5)."""
+    """The map as distributions, for the localizer (Eq. 3-5). Args: points, the thinned map."""
     return voxelise(points.position.astype(float), points.covariance.astype(float), count=points.count, params=params)
 
 
-def _placed(cloud: PointCloud, pose: np.ndarray, origin: np.ndarray) -> np.ndarray:
+def _placed(cloud: PointCloud, T_map_body: np.ndarray, origin: np.ndarray) -> np.ndarray:
     """Rows [N, 10] of the cloud in the map: position from the origin (3), covariance (6), 1."""
     position, covariance, valid = (
         np.asarray(x, float) for x in jax.device_get((cloud.position, cloud.covariance, cloud.valid))
     )
     kept = valid > 0
-    turn, shift = pose[:3, :3], pose[:3, 3] - origin
+    rotation, translation = T_map_body[:3, :3], T_map_body[:3, 3] - origin
     i, j = np.triu_indices(3)
     full = np.zeros((kept.sum(), 3, 3))
     full[:, i, j] = full[:, j, i] = covariance[:, kept].T
-    turned = (turn @ full @ turn.T)[:, i, j]
-    return np.concatenate([position[:, kept].T @ turn.T + shift, turned, np.ones((len(turned), 1))], 1)
+    rotated = (rotation @ full @ rotation.T)[:, i, j]
+    return np.concatenate([position[:, kept].T @ rotation.T + translation, rotated, np.ones((len(rotated), 1))], 1)
 
 
 def _merge(rows: list[np.ndarray], resolution: float) -> np.ndarray:
@@ -87,8 +87,8 @@ def _merge(rows: list[np.ndarray], resolution: float) -> np.ndarray:
 
 
 def matrix(x: float, y: float, *, heading: float) -> np.ndarray:
-    """The pose [4, 4] of a body upright on the ground at (x, y) m."""
-    pose = np.eye(4)
-    pose[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
-    pose[:2, 3] = x, y
-    return pose
+    """The pose T_map_body [4, 4] of a body upright on the ground. Args: x and y [m]; heading [rad]."""
+    T_map_body = np.eye(4)
+    T_map_body[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
+    T_map_body[:2, 3] = x, y
+    return T_map_body

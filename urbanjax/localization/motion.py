@@ -10,34 +10,42 @@ from urbanjax.types import Odometry, Scan
 
 
 def arc(speed: Float[Array, "*n"], yaw_rate: Float[Array, "*n"], *, time: Float[Array, "*n"]) -> Float[Array, "3 *n"]:
-    """X (m), y (m) and heading (rad) of the body at `time` s, in its frame at time 0; exact for constant rates."""
-    turn = yaw_rate * time
-    chord = speed * time * safe.sinc(turn / 2)
-    return jnp.stack([chord * jnp.cos(turn / 2), chord * jnp.sin(turn / 2), turn])
+    """X (m), y (m) and heading (rad) of the body after some time, in its frame at time 0; exact for constant rates.
+
+    Args: speed [N] m/s; yaw_rate [N] rad/s; time [N] s.
+    """
+    heading = yaw_rate * time
+    chord = speed * time * safe.sinc(heading / 2)
+    return jnp.stack([chord * jnp.cos(heading / 2), chord * jnp.sin(heading / 2), heading])
 
 
 def travelled(odometry: Odometry, time: float | Float[Array, ""]) -> jaxlie.SE3:
-    """The motion of the body during `time` s: T_before_after."""
+    """The motion of the body during some time: T_before_after.
+
+    Args: odometry, whose speed and yaw rate hold meanwhile; time [s].
+    """
     x, y, heading = arc(odometry.speed, odometry.yaw_rate, time=jnp.asarray(time, odometry.speed.dtype))
-    turn = jaxlie.SO3.from_z_radians(heading)
-    return jaxlie.SE3.from_rotation_and_translation(turn, jnp.stack([x, y, jnp.zeros_like(x)]))
+    rotation = jaxlie.SO3.from_z_radians(heading)
+    return jaxlie.SE3.from_rotation_and_translation(rotation, jnp.stack([x, y, jnp.zeros_like(x)]))
 
 
-def propagate(pose: jaxlie.SE3, odometry: Odometry, *, time: float | Float[Array, ""]) -> jaxlie.SE3:
-    """The pose `time` s later: what the localizer puts out between two scans, at the rate of the wheel sensors."""
-    return pose @ travelled(odometry, time)
+def propagate(T_map_body: jaxlie.SE3, odometry: Odometry, *, time: float | Float[Array, ""]) -> jaxlie.SE3:
+    """The pose `time` s later: what the localizer puts out between two scans, at the rate of the wheel sensors.
+
+    Args: T_map_body, at the last scan; odometry, since then; time [s] since then.
+    """
+    return T_map_body @ travelled(odometry, time)
 
 
-def deskew(scan: Scan, mount: jaxlie.SE3, *, odometry: Odometry) -> Float[Array, "n 3"]:
+def deskew(scan: Scan, T_body_lidar: jaxlie.SE3, *, odometry: Odometry) -> Float[Array, "n 3"]:
     """The points [N, 3] (m) of a sweep in the body frame at its stamp, the motion during the sweep taken out.
 
-    Args: mount, T_body_lidar; odometry, whose speed and yaw rate held during the sweep.
+    Args: scan, with the time of each point; T_body_lidar, the mount; odometry, whose speed and yaw rate held during the
+    sweep.
     """
     flat = scan.position.reshape(-1, 3)
-    turn, shift = mount.rotation().as_matrix(), mount.translation()
-    x, y, z = (
-        sum((turn[i, k] * flat[:, k] for k in range(1, 3)), turn[i, 0] * flat[:, 0] + shift[i]) for i in range(3)
-    )
+    r, t = T_body_lidar.rotation().as_matrix(), T_body_lidar.translation()
+    x, y, z = (sum((r[i, k] * flat[:, k] for k in range(1, 3)), r[i, 0] * flat[:, 0] + t[i]) for i in range(3))
     time = scan.time.reshape(-1)
     ahead, aside, heading = arc(
         jnp.broadcast_to(odometry.speed, time.shape), jnp.broadcast_to(odometry.yaw_rate, time.shape), time=time
@@ -46,16 +54,16 @@ def deskew(scan: Scan, mount: jaxlie.SE3, *, odometry: Odometry) -> Float[Array,
     return jnp.stack([cos * x - sin * y + ahead, sin * x + cos * y + aside, z], axis=1)
 
 
-def planar(pose: jaxlie.SE3) -> jaxlie.SE2:
-    """The planar pose: position and heading of a pose in space."""
-    turn = pose.rotation().as_matrix()
-    heading = jnp.arctan2(turn[1, 0], turn[0, 0])
-    x, y, _ = pose.translation()
+def planar(T_map_body: jaxlie.SE3) -> jaxlie.SE2:
+    """The planar pose: position and heading of a pose in space. Args: T_map_body, in space."""
+    rotation = T_map_body.rotation().as_matrix()
+    heading = jnp.arctan2(rotation[1, 0], rotation[0, 0])
+    x, y, _ = T_map_body.translation()
     return jaxlie.SE2.from_xy_theta(x, y, heading)
 
 
-def spatial(pose: jaxlie.SE2) -> jaxlie.SE3:
-    """The pose on the ground, upright."""
-    turn = jaxlie.SO3.from_z_radians(pose.rotation().as_radians())
-    x, y = pose.translation()
-    return jaxlie.SE3.from_rotation_and_translation(turn, jnp.stack([x, y, jnp.zeros_like(x)]))
+def spatial(T_map_body: jaxlie.SE2) -> jaxlie.SE3:
+    """The pose on the ground, upright. Args: T_map_body, in the plane."""
+    rotation = jaxlie.SO3.from_z_radians(T_map_body.rotation().as_radians())
+    x, y = T_map_body.translation()
+    return jaxlie.SE3.from_rotation_and_translation(rotation, jnp.stack([x, y, jnp.zeros_like(x)]))

@@ -22,7 +22,7 @@ class OdometryParams:
     map: MapParams = MapParams(shape=(208, 208, 24))
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=2.0, kernel="huber"))
     spacing: float = 2.0  # m between keyframes
-    turning: float = 0.15  # rad between keyframes
+    rotation: float = 0.15  # rad between keyframes
     least_share: float = 0.4  # of points with a correspondence, below which a scan does not fit the local map
     innovation: float = 1.0  # m from the predicted motion, beyond which it does not fit either
     keyframes: int = static(default=5)
@@ -35,21 +35,24 @@ class OdometryState:
     position: Array  # [3, K * F] m
     covariance: Array  # [6, K * F]
     valid: Array  # [K * F] bool
-    pose: jaxlie.SE3  # T_keyframe_body
-    start: jaxlie.SE3  # T_start_keyframe
+    T_keyframe_body: jaxlie.SE3
+    T_start_keyframe: jaxlie.SE3
 
 
 @pytree
 class Odometer:
     """What one step came to."""
 
-    increment: jaxlie.SE3  # T_before_after of the body (Eq. 9; clouds are in its frame, so nothing is conjugated)
-    tracked: Array  # [] bool, the scan fits the local map; if not, the increment is the predicted one
+    T_before_after: jaxlie.SE3  # of the body (Eq. 9; clouds are in its frame, so nothing is conjugated)
+    tracked: Array  # [] bool, the scan fits the local map; if not, the motion is the predicted one
     alignment: Alignment
 
 
 def init(params: OdometryParams, points: int, dtype: jnp.dtype | None = None) -> OdometryState:
-    """No keyframes. Args: points, capacity F of the clouds to come."""
+    """The state without any keyframe.
+
+    Args: points, capacity F of the clouds to come; dtype, of its numbers (default: JAX's).
+    """
     dtype = jnp.zeros(()).dtype if dtype is None else dtype
     n = params.keyframes * points
     here = jaxlie.SE3.identity().parameters().astype(dtype)
@@ -57,46 +60,47 @@ def init(params: OdometryParams, points: int, dtype: jnp.dtype | None = None) ->
         position=jnp.zeros((3, n), dtype),
         covariance=jnp.zeros((6, n), dtype),
         valid=jnp.zeros(n, bool),
-        pose=jaxlie.SE3(here),
-        start=jaxlie.SE3(here),
+        T_keyframe_body=jaxlie.SE3(here),
+        T_start_keyframe=jaxlie.SE3(here),
     )
 
 
 def step(
-    params: OdometryParams, state: OdometryState, cloud: PointCloud, motion: jaxlie.SE3
+    params: OdometryParams, state: OdometryState, cloud: PointCloud, T_before_predicted: jaxlie.SE3
 ) -> tuple[OdometryState, Odometer]:
     """The motion of the body since the last scan. Pure.
 
-    A scan that does not fit (too few correspondences, or far from the prediction) begins a new local map. Args: cloud
-    in the body frame at its stamp; motion, predicted T_before_after.
+    A scan that does not fit (too few correspondences, or far from the prediction) begins a new local map. Args: state,
+    with the local map; cloud, in the body frame at its stamp; T_before_predicted, the motion to expect.
     """
-    guess = state.pose @ motion
+    T_keyframe_predicted = state.T_keyframe_body @ T_before_predicted
     local = PointCloud(state.position, state.covariance, jnp.zeros_like(state.position), state.valid)
-    target = build(local, params.map, centre=lax.stop_gradient(guess.translation()))
-    found = align(cloud, target, start=guess, params=params.align)
-    away = (guess.inverse() @ found.pose).translation()
-    fits = (found.inlier_share > params.least_share) & (safe.norm(away) < params.innovation) & found.converged
+    target = build(local, params.map, centre=lax.stop_gradient(T_keyframe_predicted.translation()))
+    found = align(cloud, target, start=T_keyframe_predicted, params=params.align)
+    innovation = safe.norm((T_keyframe_predicted.inverse() @ found.pose).translation())
+    fits = (found.inlier_share > params.least_share) & (innovation < params.innovation) & found.converged
     seen = jnp.any(cloud.valid)
     tracked = fits & seen
-    pose = jax.tree.map(lambda a, b: jnp.where(tracked, a, b), found.pose, guess)
-    moved = safe.norm(pose.translation()) > params.spacing
-    turned = safe.norm(pose.rotation().log()) > params.turning
+    T_keyframe_body = jax.tree.map(lambda a, b: jnp.where(tracked, a, b), found.pose, T_keyframe_predicted)
+    moved = safe.norm(T_keyframe_body.translation()) > params.spacing
+    rotated = safe.norm(T_keyframe_body.rotation().log()) > params.rotation
     fresh = ~tracked & seen
     valid = state.valid & ~fresh
-    joins = seen & (moved | turned | fresh)
-    following = lax.cond(joins, _insert, lambda s, *_: s, state.replace(pose=pose, valid=valid), cloud)
-    return following, Odometer(state.pose.inverse() @ pose, tracked, found)
+    joins = seen & (moved | rotated | fresh)
+    moved_on = state.replace(T_keyframe_body=T_keyframe_body, valid=valid)
+    following = lax.cond(joins, _insert, lambda s, *_: s, moved_on, cloud)
+    return following, Odometer(state.T_keyframe_body.inverse() @ T_keyframe_body, tracked, found)
 
 
 def travelled(state: OdometryState) -> jaxlie.SE3:
-    """T_start_body: the whole way since the first scan."""
-    return state.start @ state.pose
+    """T_start_body: the whole way since the first scan. Args: state, of the last step."""
+    return state.T_start_keyframe @ state.T_keyframe_body
 
 
 def _insert(state: OdometryState, cloud: PointCloud) -> OdometryState:
     """The state with the scan as newest keyframe in place of the oldest one, all in the new keyframe's frame."""
-    back = state.pose.inverse()
-    rigid = Rigid(back.rotation().as_matrix(), back.translation())
+    T_body_keyframe = state.T_keyframe_body.inverse()
+    rigid = Rigid(T_body_keyframe.rotation().as_matrix(), T_body_keyframe.translation())
     n = cloud.valid.shape[0]
 
     def push(old: Array, new: Array) -> Array:
@@ -104,8 +108,8 @@ def _insert(state: OdometryState, cloud: PointCloud) -> OdometryState:
 
     return state.replace(
         position=push(rigid.move(state.position), cloud.position),
-        covariance=push(symmetric.congruence(rigid.turn, state.covariance), cloud.covariance),
+        covariance=push(symmetric.congruence(rigid.rotation, state.covariance), cloud.covariance),
         valid=push(state.valid, cloud.valid),
-        start=(state.start @ state.pose).normalize(),
-        pose=jaxlie.SE3(jaxlie.SE3.identity().parameters().astype(state.position.dtype)),
+        T_start_keyframe=(state.T_start_keyframe @ state.T_keyframe_body).normalize(),
+        T_keyframe_body=jaxlie.SE3(jaxlie.SE3.identity().parameters().astype(state.position.dtype)),
     )

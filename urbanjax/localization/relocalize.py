@@ -13,6 +13,9 @@ from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import Observation, pytree, static
 
+WAYS = 8  # sectors of heading that are told apart
+CELLS = 8192  # along x and y, after which numbers of cells repeat: with the ways they fit into 32 bits
+
 
 @pytree
 class RelocalizeParams:
@@ -37,18 +40,19 @@ class Relocalization:
     start: Array  # [] int32, the one of the K that it came from
 
 
-def lane_starts(graph: RoadGraph, pose: jaxlie.SE3, *, count: int, spacing: float = 3.0) -> jaxlie.SE3:
-    """The `count` places on lanes nearest to a pose [K], stacked, heading along their lanes.
+def lane_starts(graph: RoadGraph, T_map_body: jaxlie.SE3, *, count: int, spacing: float = 3.0) -> jaxlie.SE3:
+    """The K places on lanes nearest to a pose, as stacked poses T_map_body that head along their lanes.
 
     Of lane points that lie in one cell of `spacing` m and head the same way there is only one: where lanes cross and
-    fork, starts would otherwise be spent on one spot.
+    fork, starts would otherwise be spent on one spot. Args: graph, the road graph; T_map_body, where the vehicle
+    believes to be; count, K; spacing [m].
     """
     middle, heading = graph.centre.reshape(-1, 2), graph.heading.reshape(-1)
-    away = jnp.sum((middle - pose.translation()[None, :2]) ** 2, axis=1)
+    away = jnp.sum((middle - T_map_body.translation()[None, :2]) ** 2, axis=1)
     there = jnp.repeat(graph.valid, graph.centre.shape[1])
     place = jnp.floor(middle / spacing).astype(jnp.int32)
-    way = jnp.floor(heading / (jnp.pi / 4) + 0.5).astype(jnp.int32) % 8
-    cell = ((place[:, 0] % 8192) * 8192 + place[:, 1] % 8192) * 8 + way
+    way = jnp.floor(heading / (2 * jnp.pi / WAYS) + 0.5).astype(jnp.int32) % WAYS
+    cell = ((place[:, 0] % CELLS) * CELLS + place[:, 1] % CELLS) * WAYS + way
     order = jnp.argsort(jnp.where(there, cell, jnp.iinfo(jnp.int32).max), stable=True)
     ordered = cell[order]
     repeated = jnp.zeros(cell.shape, bool).at[order[1:]].set(ordered[1:] == ordered[:-1])
@@ -69,7 +73,9 @@ def relocalize(
     """The pose found from stacked `starts` [K], and the localizer's state with it: good until shown otherwise.
 
     First all starts with wide correspondences, then the `finalists` with near ones: best is the start whose alignment
-    explains the largest share of the scan.
+    explains the largest share of the scan. Args: localizer, the parameters of the localizer that lost its way; world,
+    the point-cloud map; state, of that localizer; observation, with a scan and odometry; starts [K], stacked poses
+    T_map_body.
     """
     cloud, _ = lidar.cloud_of(localizer, observation)
     centre = jnp.mean(starts.translation(), axis=0)
@@ -86,10 +92,10 @@ def relocalize(
     )
     share = jnp.where(fine.converged, fine.inlier_share, 0.0)
     first = jnp.argmax(share)
-    pose = jax.tree.map(lambda x: x[first], fine.pose)
+    T_map_found = jax.tree.map(lambda x: x[first], fine.pose)
     found = share[first] > params.least_share
     monitor = health.init(centre.dtype)
     monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32), searched=jnp.asarray(True))
-    moved = state.replace(pose=pose, monitor=monitor)
+    moved = state.replace(T_map_body=T_map_found, monitor=monitor)
     following = jax.tree.map(lambda a, b: jnp.where(found, a, b), moved, state)
-    return Relocalization(pose, found, share, best[first]), following
+    return Relocalization(T_map_found, found, share, best[first]), following

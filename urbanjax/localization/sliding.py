@@ -21,12 +21,15 @@ class SlidingParams:
 
 
 def radius(speed: Float[Array, ""], params: SlidingParams) -> Float[Array, ""]:
-    """Psi(v) = clip(psi_0 + k v, psi_min, psi_max) in m (Eq. 7)."""
+    """Psi(v) = clip(psi_0 + k v, psi_min, psi_max) in m (Eq. 7). Args: speed [] m/s."""
     return jnp.clip(params.standing + params.per_speed * speed, params.smallest, params.largest)
 
 
 def window(
     world: VoxelMap, position: Float[Array, "3"], *, speed: Float[Array, ""], params: SlidingParams
 ) -> tuple[DistributionMap, Array]:
-    """The map within psi(v) of a position [3] m, and how many of its voxels found no place."""
+    """The map within psi(v) of a position [3] m, and how many of its voxels found no place.
+
+    Args: world, the point-cloud map; position [3] m, in its frame; speed [] m/s.
+    """
     return cut(world, position, radius=radius(speed, params), params=params.cut)

@@ -25,6 +25,10 @@ from urbanjax.registration.linear import (
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
 
+# Units in the last place by which a step may raise the cost: near the minimum it is flat, and what rounding adds is no
+# reason to refuse a step.
+ROUNDING = 16
+
 
 @pytree
 class AlignParams:
@@ -62,7 +66,7 @@ def align(
 
     Gradients of the pose with respect to the points, the map and the parameters are those of the fixed point (implicit
     function theorem), with correspondences held; there is none with respect to the start. Failure is a value: look at
-    `converged` and `inlier_share`.
+    `converged` and `inlier_share`. Args: source, the scan in its body frame; target, the map; start, T_map_body nearby.
     """
     params = AlignParams() if params is None else params
     begin = Rigid(start.rotation().as_matrix(), start.translation() - target.origin)
@@ -72,9 +76,9 @@ def align(
     distance = safe.sqrt(jnp.sum(at.residual**2, axis=0))
     inliers = jnp.sum(near, dtype=distance.dtype)
     total = jnp.maximum(jnp.sum(source.valid, dtype=distance.dtype), 1)
-    turn = jaxlie.SO3.from_matrix(pose.turn)
+    rotation = jaxlie.SO3.from_matrix(pose.rotation)
     return Alignment(
-        pose=jaxlie.SE3.from_rotation_and_translation(turn, pose.shift + target.origin),
+        pose=jaxlie.SE3.from_rotation_and_translation(rotation, pose.translation + target.origin),
         converged=search.converged,
         iterations=search.iterations,
         inliers=inliers,
@@ -97,8 +101,8 @@ def align_starts(
 ) -> Alignment:
     """The alignments from many starts of one pair, stacked along the first axis.
 
-    Args: starts, stacked poses; at_once, how many run together: 1 on a CPU, where each then stops when it has converged
-    instead of waiting for the slowest, many on a GPU.
+    Args: source, the scan in its body frame; target, the map; starts, stacked poses T_map_body; at_once, how many run
+    together: 1 on a CPU, where each then stops when it has converged instead of waiting for the slowest, many on a GPU.
     """
     return lax.map(lambda start: align(source, target, start=start, params=params), starts, batch_size=at_once)
 
@@ -123,7 +127,7 @@ class _Search:
 
 def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: AlignParams) -> _Search:
     """The loop: linearise, step, and damp more where the step did not lower the cost. Not differentiated."""
-    n, dtype = source.valid.shape[0], start.shift.dtype
+    n, dtype = source.valid.shape[0], start.translation.dtype
     eye = jnp.eye(6, dtype=dtype)
 
     def unfinished(now: _Search) -> Array:
@@ -134,12 +138,10 @@ def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: A
         at = linearise(now.pose, source, pairs=pairs, target=target, params=params.factor)
         twist = -jnp.linalg.solve(at.hessian + now.damping * eye, at.gradient)
         trial = now.pose.step(twist)
-        # Near the minimum the cost is flat, and what rounding adds is no reason to refuse a step.
-        better = held_cost(trial, at, before=now.pose, source=source, pairs=pairs) <= at.cost * (
-            1 + 16 * jnp.finfo(dtype).eps
-        )
-        turned, moved = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
-        small = (turned <= params.rotation_tolerance**2) & (moved <= params.translation_tolerance**2)
+        cost = held_cost(trial, at, before=now.pose, source=source, pairs=pairs)
+        better = cost <= at.cost * (1 + ROUNDING * jnp.finfo(dtype).eps)
+        rotation, translation = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
+        small = (rotation <= params.rotation_tolerance**2) & (translation <= params.translation_tolerance**2)
         return _Search(
             pose=jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, now.pose),
             damping=now.damping * jnp.where(better, 1 / params.damping_factor, params.damping_factor),
@@ -183,7 +185,7 @@ def _implicit_jvp(primals: tuple, tangents: tuple) -> tuple[Rigid, Rigid]:
         pairs = pairs_of(target, slot, away=away, params=params.factor)
         return linearise(pose.step(twist), source, pairs=pairs, target=target, params=params.factor).gradient
 
-    zero = jnp.zeros(6, pose.shift.dtype)
+    zero = jnp.zeros(6, pose.translation.dtype)
     slope = jax.jacfwd(lambda twist: force(twist, source, target, params))(zero)
     _, change = jax.jvp(lambda *theta: force(zero, *theta), (source, target, params), tuple(tangents[1:]))
     twist = -jnp.linalg.solve(slope, change)

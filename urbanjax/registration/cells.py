@@ -5,21 +5,23 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 PRIMES = (73856093, 19349669, 83492791)  # Teschner et al. 2003
+FOLD = 15  # bits by which a hash is shifted onto itself: its low bits, the slot, then depend on the high ones too
 BATCH = 8  # share of the points that is looked at again at once, after a collision
-STRIDE = 32
+STRIDE = 32  # places that one row of the sums holds
 
 
 def representatives(cell: Int[Array, "3 n"], valid: Bool[Array, " n"]) -> Int[Array, " n"]:
     """For each point the index of one point of its cell, the same for all of them; N for invalid points.
 
     Open addressing, all points at once: each claims the slot of its hash, and the first point of those that claim a
-    slot gets it for its cell. The few points of other cells go on to the next slots, in batches of static size.
+    slot gets it for its cell. The few points of other cells go on to the next slots, in batches of static size. Args:
+    cell [3, N], the points' cells; valid [N] bool.
     """
     n = cell.shape[1]
     slots = 1 << (n + n // 2).bit_length()  # half as many again, so that a free slot is always near
     index = jnp.arange(n, dtype=jnp.int32)
     mixed = jnp.sum(cell * jnp.array(PRIMES, jnp.int32)[:, None], axis=0, dtype=jnp.int32)
-    start = (mixed ^ (mixed >> 15)) & (slots - 1)
+    start = (mixed ^ (mixed >> FOLD)) & (slots - 1)
     owner = jnp.full(slots, n, jnp.int32).at[jnp.where(valid, start, slots)].min(index, mode="drop")
     first = jnp.where(valid, owner[start], n)
     waits = valid & ~_same(cell, first, cell)
@@ -60,14 +62,17 @@ def _probe(
 
 
 def chosen(mask: Bool[Array, " n"], capacity: int) -> Int[Array, " capacity"]:
-    """The indices of the first places where the mask is true; N for the rest of the capacity."""
+    """The indices of the first places where the mask is true; N for the rest of the capacity.
+
+    Args: mask [N] bool; capacity, the size of the result.
+    """
     n = mask.shape[0]
     place = jnp.where(mask, before(mask), capacity)
     return jnp.full(capacity, n, jnp.int32).at[place].set(jnp.arange(n, dtype=jnp.int32), mode="drop")
 
 
 def before(mask: Bool[Array, " n"]) -> Int[Array, " n"]:
-    """How many places before each one are true, for up to 2^24 places."""
+    """How many places before each one are true, for up to 2^24 places. Args: mask [N] bool."""
     return _sums_before(mask.astype(jnp.float32)).astype(jnp.int32)
 
 

@@ -18,8 +18,8 @@ def correspond(
     """The row of the map's distribution nearest to each point, among the voxels around it; the last row if none.
 
     With `gicp` that is the nearest point exactly, up to a distance of the map's resolution, if 27 voxels are looked at
-    and none of them has more points than it has places. Args: away [3, N] m from the map's origin; neighbours, voxels
-    to look at: 1 (the point's own), 7 or 27.
+    and none of them has more points than it has places. Args: target, the map; away [3, N] m, points from the map's
+    origin; valid [N] bool; neighbours, voxels to look at: 1 (the point's own), 7 or 27.
     """
     nothing = target.rows.shape[0] - 1
     cell = cell_of(away, target.resolution)

@@ -6,6 +6,9 @@ from jaxtyping import Float
 
 from urbanjax.types import pytree
 
+RIDGE = 1e-6  # share of its trace that is added to a block's diagonal before it is inverted
+LEAST_INFORMATION = 1e-6  # trace, below which it counts as this one: without points nothing divides by 0
+
 
 @pytree
 class DegeneracyParams:
@@ -36,19 +39,19 @@ def degeneracy(hessian: Float[Array, "6 6"], params: DegeneracyParams | None = N
 
     The information on translation with the rotation unknown is the Schur complement H_vv - H_vr H_rr^-1 H_rv, and the
     other way round; a direction is judged by its share of it, so that neither the number of points, the noise nor the
-    mix of radians and metres matters. Args: hessian of an `Alignment`, twists [omega; v].
+    mix of radians and metres matters. Args: hessian [6, 6] of an `Alignment`, twists [omega; v] in rad and m.
     """
     params = DegeneracyParams() if params is None else params
-    turning, mixed, moving = hessian[:3, :3], hessian[:3, 3:], hessian[3:, 3:]
+    rotation, mixed, translation = hessian[:3, :3], hessian[:3, 3:], hessian[3:, 3:]
     return Degeneracy(
-        translation=_directions(_known(moving, mixed.T, turning), params),
-        rotation=_directions(_known(turning, mixed, moving), params),
+        translation=_directions(_known(translation, mixed.T, rotation), params),
+        rotation=_directions(_known(rotation, mixed, translation), params),
     )
 
 
 def _known(own: Array, mixed: Array, other: Array) -> Array:
     """The Schur complement, own - mixed other^-1 mixed', finite where `other` says nothing at all."""
-    least = 1e-6 * jnp.maximum(jnp.trace(other), 1e-6)
+    least = RIDGE * jnp.maximum(jnp.trace(other), LEAST_INFORMATION)
     explained = jnp.linalg.solve(other + least * jnp.eye(3, dtype=other.dtype), mixed.T)
     return own - jnp.matmul(mixed, explained, precision=lax.Precision.HIGHEST)
 

@@ -44,8 +44,8 @@ def build(points: PointCloud, params: MapParams, *, centre: Float[Array, "3"] | 
     """The map of a cloud in the map frame; points outside the window are left out.
 
     `vgicp`: mean of the points and mean of their covariances; `ndt`: mean and scatter of the points, with its small
-    eigenvalues raised; `gicp`: each point with its own covariance. Args: centre [3] m, of the window (default: the mean
-    of the points).
+    eigenvalues raised; `gicp`: each point with its own covariance. Args: points, the cloud in the map frame; centre [3]
+    m, of the window (default: the mean of the points).
     """
     dtype = points.position.dtype
     if centre is None:
@@ -116,18 +116,27 @@ def _gathered(
 
 
 def cell_of(away: Float[Array, "3 *n"], resolution: Float[Array, ""]) -> Int[Array, "3 *n"]:
-    """The voxel of points given from the window's corner."""
+    """The voxel of points given from the window's corner.
+
+    Args: away [3, N] m, from the window's corner; resolution [m], edge of a voxel.
+    """
     return jnp.floor(away / resolution).astype(jnp.int32)
 
 
 def within(cell: Int[Array, "3 *n"], shape: tuple[int, int, int]) -> Bool[Array, "*n"]:
-    """Whether a voxel lies in the window."""
+    """Whether a voxel lies in the window.
+
+    Args: cell [3, N], voxels counted from the window's corner; shape, voxels of the window along x, y and z.
+    """
     inside = [(cell[i] >= 0) & (cell[i] < shape[i]) for i in range(3)]
     return inside[0] & inside[1] & inside[2]
 
 
 def index_of(cell: Int[Array, "3 *n"], shape: tuple[int, int, int]) -> Int[Array, "*n"]:
-    """The place of a voxel in the table."""
+    """The place of a voxel in the table.
+
+    Args: cell [3, N], voxels counted from the window's corner; shape, voxels of the window along x, y and z.
+    """
     return (cell[0] * shape[1] + cell[1]) * shape[2] + cell[2]
 
 

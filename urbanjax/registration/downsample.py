@@ -22,7 +22,8 @@ def downsample(
 ) -> tuple[PointCloud, Array]:
     """The means of the points [N, 3] (m) of each voxel, and how many voxels found no place in the capacity.
 
-    Voxels begin at multiples of the resolution. Points that are not finite do not count.
+    Voxels begin at multiples of the resolution. Points that are not finite do not count. Args: position [N, 3] m; valid
+    [N] bool, the points that count.
     """
     dtype, capacity = position.dtype, params.capacity
     valid = valid & jnp.all(jnp.isfinite(position), axis=1)

@@ -33,7 +33,7 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
     With `edges`, where neighbours lie along an upright line t, it is thickness I + (1 - thickness) t t' instead,
     without a normal. Points without enough neighbours get no normal and the identity, as in small_gicp. The points come
     out sorted along a space-filling curve, which makes later look-ups faster. Returns also the share of points whose
-    neighbours are certainly the nearest ones.
+    neighbours are certainly the nearest ones. Args: points, the cloud in the frame of its sensor, or of the body.
     """
     params = FeatureParams() if params is None else params
     near = nearest.nearest(*lax.stop_gradient((points.position, points.valid)), params.neighbours, params.visits)

@@ -12,7 +12,11 @@ KERNELS = ("none", "huber", "cauchy")
 
 
 def weight(squared: Float[Array, " n"], kernel: str, *, scale: float | Array) -> Float[Array, " n"]:
-    """Weight of iteratively reweighted least squares [N]. Args: scale [-], the distance at which the kernel sets in."""
+    """Weight of iteratively reweighted least squares [N].
+
+    Args: squared [N], Mahalanobis distances; kernel, one of `KERNELS`; scale [-], the distance at which the kernel sets
+    in.
+    """
     if kernel == "none":
         return jnp.ones_like(squared)
     if kernel == "cauchy":
@@ -23,7 +27,11 @@ def weight(squared: Float[Array, " n"], kernel: str, *, scale: float | Array) ->
 def likelihood(
     squared: Float[Array, " n"], outlier_share: float | Array, *, resolution: Float[Array, ""]
 ) -> Float[Array, " n"]:
-    """Weight -d1 d2 exp(-d2 q / 2) [N] of the NDT score (Magnusson 2009). Args: resolution [m] of the map's voxels."""
+    """Weight -d1 d2 exp(-d2 q / 2) [N] of the NDT score (Magnusson 2009).
+
+    Args: squared [N], Mahalanobis distances; outlier_share, of points that the map does not explain; resolution [m] of
+    the map's voxels.
+    """
     o = jnp.asarray(outlier_share, squared.dtype)
     c1, c2 = 10 * (1 - o), o / resolution**3
     d3 = -jnp.log(c2)

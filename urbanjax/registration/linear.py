@@ -14,6 +14,7 @@ from urbanjax.registration.points import PointCloud
 from urbanjax.types import pytree, static
 
 WEIGHTS = ("one", "sqrt_count", "count")
+LEAST_INFORMATION = 1e-6  # trace of a Hessian, below which it counts as this one: without points nothing divides by 0
 
 
 @pytree
@@ -31,27 +32,27 @@ class FactorParams:
 class Rigid:
     """A pose as matrix and translation, which costs fewer operations in a loop than a quaternion."""
 
-    turn: Array  # [3, 3]
-    shift: Array  # [3] m
+    rotation: Array  # [3, 3]
+    translation: Array  # [3] m
 
     def move(self, points: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
         """R s + t."""
         x, y, z = points
-        return jnp.stack(
-            [self.turn[i, 0] * x + self.turn[i, 1] * y + self.turn[i, 2] * z + self.shift[i] for i in range(3)]
-        )
+        r, t = self.rotation, self.translation
+        return jnp.stack([r[i, 0] * x + r[i, 1] * y + r[i, 2] * z + t[i] for i in range(3)])
 
     def back(self, vectors: Float[Array, "3 n"]) -> Float[Array, "3 n"]:
         """R' v."""
         x, y, z = vectors
-        r = self.turn
+        r = self.rotation
         return jnp.stack([r[0, i] * x + r[1, i] * y + r[2, i] * z for i in range(3)])
 
     def step(self, twist: Float[Array, "6"]) -> "Rigid":
         """T exp(twist), twist [omega; v]."""
         moved = jaxlie.SE3.exp(jnp.concatenate([twist[3:], twist[:3]]))
-        turn = jnp.matmul(self.turn, moved.rotation().as_matrix(), precision=lax.Precision.HIGHEST)
-        return Rigid(turn, self.shift + jnp.matmul(self.turn, moved.translation(), precision=lax.Precision.HIGHEST))
+        rotation = jnp.matmul(self.rotation, moved.rotation().as_matrix(), precision=lax.Precision.HIGHEST)
+        translation = jnp.matmul(self.rotation, moved.translation(), precision=lax.Precision.HIGHEST)
+        return Rigid(rotation, self.translation + translation)
 
 
 @pytree
@@ -79,7 +80,10 @@ class System:
 def pairs_of(
     target: DistributionMap, slot: Int[Array, " n"], *, away: Float[Array, "3 n"], params: FactorParams
 ) -> Correspondences:
-    """What the map holds in its rows `slot` [N], for points `away` [3, N] (m) from its origin; nothing if too far."""
+    """What the map holds in its rows `slot`, for points `away`; nothing if too far.
+
+    Args: target, the map; slot [N], one row of it for each point; away [3, N] m, the points from its origin.
+    """
     rows = target.rows[slot].T
     count = rows[9]
     near = (count > 0) & (jnp.sum((rows[:3] - away) ** 2, axis=0) <= params.max_distance**2)
@@ -96,10 +100,12 @@ def linearise(
     """Hessian, gradient and cost at a pose relative to the map's origin, with Omega frozen (Eq. 3-4).
 
     In the body frame, where J = [[s]x, -I] does not depend on the pose: every sum over the points is one entry of the
-    product of (1, s, s s') with (Omega, Omega e, e' Omega e), and H and b are linear in those.
+    product of (1, s, s s') with (Omega, Omega e, e' Omega e), and H and b are linear in those. Args: pose, of the body
+    from the map's origin; source, the scan in its body frame; pairs, what the map holds for its points; target, the
+    map, for its method and resolution.
     """
     residual = pose.back(pairs.mean - pose.move(source.position))
-    sigma = symmetric.congruence(pose.turn.T, pairs.covariance)
+    sigma = symmetric.congruence(pose.rotation.T, pairs.covariance)
     if target.method != "ndt":
         sigma = sigma + source.covariance
     information = symmetric.inverse(sigma)
@@ -119,25 +125,32 @@ def linearise(
 def held_cost(
     pose: Rigid, at: System, *, before: Rigid, source: PointCloud, pairs: Correspondences
 ) -> Float[Array, ""]:
-    """The cost at another pose with correspondences and weights held. Args: before, the pose of `at`."""
+    """The cost at another pose with correspondences and weights held.
+
+    Args: pose, from the map's origin; at, the problem at the pose `before`; source, the scan; pairs, what the map holds
+    for its points.
+    """
     residual = before.back(pairs.mean - pose.move(source.position))
     squared = symmetric.inner(residual, symmetric.product(at.information, residual))
     return jnp.dot(at.weight, squared, precision=lax.Precision.HIGHEST) / 2
 
 
 def sandwich(at: System, source: PointCloud) -> Float[Array, "6 6"]:
-    """Covariance of the twist, H^-1 (sum g g') H^-1 with g = J' Omega e: regularised covariances have no scale."""
+    """Covariance of the twist, H^-1 (sum g g') H^-1 with g = J' Omega e: regularised covariances have no scale.
+
+    Args: at, the problem at the pose found; source, the scan in its body frame.
+    """
     pulled = symmetric.product(at.information, at.residual) * at.weight[None]
     x, y, z = source.position
-    turning = jnp.stack([y * pulled[2] - z * pulled[1], z * pulled[0] - x * pulled[2], x * pulled[1] - y * pulled[0]])
-    each = jnp.concatenate([turning, pulled])
+    torque = jnp.stack([y * pulled[2] - z * pulled[1], z * pulled[0] - x * pulled[2], x * pulled[1] - y * pulled[0]])
+    each = jnp.concatenate([torque, pulled])
     half = _solve(at.hessian, _product(each, each))
     return _solve(at.hessian, half.T)
 
 
 def _solve(hessian: Array, right: Array) -> Array:
     """H^-1 right; a direction without any information is held back instead of dividing by zero."""
-    scale = jnp.maximum(jnp.trace(hessian), 1e-6)
+    scale = jnp.maximum(jnp.trace(hessian), LEAST_INFORMATION)
     eye = jnp.eye(6, dtype=hessian.dtype)
     return jnp.linalg.solve(hessian + jnp.finfo(hessian.dtype).eps * scale * eye, right)
 

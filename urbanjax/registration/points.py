@@ -24,8 +24,9 @@ def padded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points [N, 3] (m) of any number as float32 [capacity, 3] and a mask, on the host: one shape, one compilation.
 
-    Raises CloudError if there are none, more than `capacity`, or some that are not finite. Args: origin [m], taken off
-    in double precision: map coordinates of many kilometres have no millimetres in float32.
+    Raises CloudError if there are none, more than `capacity`, or some that are not finite. Args: points [N, 3] m, on
+    the host; capacity, points of the result; origin [m], taken off in double precision: map coordinates of many
+    kilometres have no millimetres in float32.
     """
     points = np.asarray(points, np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
@@ -45,7 +46,11 @@ def cloud(
     *,
     valid: Bool[Array, " n"] | None = None,
 ) -> PointCloud:
-    """A cloud from points [N, 3] (m) with covariances [N, 3, 3], by default the identity."""
+    """A cloud of points with their covariances.
+
+    Args: position [N, 3] m; covariance [N, 3, 3] m^2 (no unit where it is regularised), by default the identity; valid
+    [N] bool, by default all.
+    """
     n = position.shape[0]
     eye = jnp.broadcast_to(jnp.eye(3, dtype=position.dtype), (n, 3, 3))
     shape = eye if covariance is None else covariance

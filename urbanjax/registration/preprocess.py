@@ -28,7 +28,10 @@ class Preprocessing:
 def preprocess(
     position: Float[Array, "n 3"], valid: Bool[Array, " n"], *, params: PreprocessParams | None = None
 ) -> tuple[PointCloud, Preprocessing]:
-    """Voxel means with normals and plane-regularised covariances, of points [N, 3] (m), padded with invalid ones."""
+    """Voxel means with normals and plane-regularised covariances.
+
+    Args: position [N, 3] m, padded with invalid points; valid [N] bool.
+    """
     params = PreprocessParams() if params is None else params
     thinned, dropped = downsample(position, valid, params=params.downsample)
     cloud, certain = features(thinned, params.features)

@@ -37,10 +37,12 @@ class CutParams:
 def voxelise(
     position: np.ndarray, covariance: np.ndarray, *, count: np.ndarray, params: MapParams, tile: int = 16
 ) -> VoxelMap:
-    """The map of points [N, 3] (m) with covariances [N, 6] that stand for `count` [N] points each; on the host.
+    """The map of points with covariances; on the host.
 
     `vgicp`: mean of the points and of their covariances. `ndt`: mean and scatter of the points, its small eigenvalues
     raised. Raises CloudError if there are no points, some that are not finite, or for `gicp`, which has no voxels.
+    Args: position [N, 3] m; covariance [N, 6] (xx, xy, xz, yy, yz, zz); count [N], the points that each stands for;
+    tile, voxels along the edge of a tile.
     """
     if params.method == "gicp":
         raise CloudError("a district is mapped by voxels: choose the method vgicp or ndt, not gicp")
@@ -97,7 +99,7 @@ def cut(
     """The distributions whose means are within `radius` m of `centre` in the plane (Eq. 6-7), as a dense window.
 
     Shapes do not depend on the map, the place or the radius, so nothing compiles anew. Returns also how many voxels
-    found no place in the capacity. Args: centre [3] m in the map frame.
+    found no place in the capacity. Args: world, the map of the district; centre [3] m in the map frame; radius [m].
     """
     dtype, size, shape = world.rows.dtype, world.resolution, params.shape
     middle = jnp.floor(centre / size).astype(jnp.int32)
