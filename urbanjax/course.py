@@ -30,8 +30,9 @@ def course_between(
 ) -> Course:
     """The course along the cheapest route from link `start` to link `goal`, for a caller outside jit.
 
-    Raises RouteError, naming the links, where there is no route. Args: corridor, how the lanes around the route are
-    sampled; its sizes are enlarged to hold the whole route.
+    Raises RouteError, naming the links, where there is no route. Args: graph, the road graph; start and goal, links;
+    via, links to visit in between, in order; laps, how often that circuit is driven; route, sizes and costs of the
+    search; corridor, how the lanes around the route are sampled; its sizes are enlarged to hold the whole route.
     """
     found = route_between(graph, start, goal, via, laps, route)
     params = as_arrays(sized(graph, found, corridor or CorridorParams()))

@@ -51,7 +51,10 @@ class Collision:
 
 
 def first(log: Log, vehicle: VehicleParams) -> Collision:
-    """The first contact of the ego with anybody in a log of T steps; see the table above. Hard."""
+    """The first contact of the ego with anybody in a log of T steps; see the table above. Hard.
+
+    Args: log, of one run; vehicle, the ego's dimensions.
+    """
     traffic, ego = log.traffic, log.ego
     others = box(traffic.position, traffic.heading, traffic.length, traffic.width)
     size = jnp.ones_like(ego.heading)[:, None]

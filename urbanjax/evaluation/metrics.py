@@ -16,6 +16,9 @@ from urbanjax.types import Objects, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 FAR = 1e3  # m or s: no vehicle near, no collision to come
+TTC_SCALE = 0.1  # 1/s, natural scale of inverse times to collision for the relaxation
+AHEAD_SCALE = 5.0  # m, natural scale of "ahead"
+LEAST_GAP = 0.1  # m, below which a gap counts as this one
 
 
 @pytree
@@ -37,7 +40,7 @@ class Metrics:
 
 
 def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Metrics:
-    """All metrics of one run."""
+    """All metrics of one run. Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft."""
     gaps = clearance(log, vehicle, relaxation=relaxation)
     speed = log.ego.speed
     lowest = soft.minimum(speed, relaxation)
@@ -45,7 +48,8 @@ def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Met
         progress=progress(log)[-1],
         clearance=soft.minimum(gaps, relaxation),
         collision=collision(log, vehicle, relaxation=relaxation),
-        ttc_lane=1 / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, 0.1), 1 / FAR),
+        ttc_lane=1
+        / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, TTC_SCALE), 1 / FAR),
         ttc_box=safe.minimum(box_ttc(log, vehicle)),
         mean_speed=jnp.mean(speed),
         min_speed=lowest,
@@ -62,7 +66,10 @@ def _largest(values: Array, relaxation: Relaxation, scale: float = 1.0) -> Array
 
 
 def progress(log: Log) -> Float[Array, " t"]:
-    """Way made along the road since the first step [m]: the speed along the lane, integrated by trapezoids."""
+    """Way made along the road since the first step [m]: the speed along the lane, integrated by trapezoids.
+
+    Args: log, of one run.
+    """
     steps = 0.5 * (log.along[1:] + log.along[:-1]) * (log.time[1:] - log.time[:-1])
     return jnp.concatenate([jnp.zeros_like(log.time[:1]), jnp.cumsum(steps)])
 
@@ -79,18 +86,27 @@ def _size(vehicle: VehicleParams, dtype: jnp.dtype) -> tuple[Array, Array]:
 
 
 def clearance(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, " t"]:
-    """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision, 1e3 without vehicles."""
+    """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision, 1e3 without vehicles.
+
+    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    """
     gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation)
     return soft.minimum(gaps, relaxation, mask=log.traffic.valid, fill=FAR)
 
 
 def collision(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, ""]:
-    """Degree to which the ego ever touched another vehicle; soft twin with a scale of 1 m."""
+    """Degree to which the ego ever touched another vehicle; soft twin with a scale of 1 m.
+
+    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    """
     return soft.above(-soft.minimum(clearance(log, vehicle, relaxation=relaxation), relaxation), 0.0, relaxation)
 
 
 def off_road(log: Log, relaxation: Relaxation) -> Float[Array, ""]:
-    """Degree to which a corner of the ego's box ever left the road; soft twin with a scale of 1 m."""
+    """Degree to which a corner of the ego's box ever left the road; soft twin with a scale of 1 m.
+
+    Args: log, of one run; relaxation, hard or how soft.
+    """
     return soft.above(-soft.minimum(log.road_margin, relaxation), 0.0, relaxation)
 
 
@@ -98,7 +114,8 @@ def inverse_ttc(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> 
     """Greatest closing speed over gap [1/s] per step, among vehicles ahead in the ego's way; 0 when none closes.
 
     One-dimensional: distances are taken along the ego's heading, sideways off the arc that it steers. The inverse is
-    continuous where the time to collision is not (it passes through infinity).
+    continuous where the time to collision is not (it passes through infinity). Args: log, of one run; vehicle, the
+    ego's dimensions; relaxation, hard or how soft.
     """
     others, ego = log.traffic, log.ego
     cos, sin = jnp.cos(ego.heading)[:, None], jnp.sin(ego.heading)[:, None]
@@ -110,16 +127,18 @@ def inverse_ttc(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> 
     half_length = 0.5 * (others.length * c + others.width * s + vehicle.length)
     half_width = 0.5 * (others.length * s + others.width * c + vehicle.width)
     in_way = soft.above(half_width - jnp.abs(across - 0.5 * turn * ahead * ahead), 0.0, relaxation)
-    in_way = in_way * soft.above(ahead, 0.0, relaxation, 5.0) * others.valid
+    in_way = in_way * soft.above(ahead, 0.0, relaxation, AHEAD_SCALE) * others.valid
     closing = jnp.maximum(ego.speed[:, None] - others.speed * jnp.cos(turned), 0.0)
-    urgency = in_way * closing / jnp.maximum(ahead - half_length, 0.1)
-    return _largest(urgency, relaxation, 0.1) - _largest(jnp.zeros_like(urgency), relaxation, 0.1)
+    urgency = in_way * closing / jnp.maximum(ahead - half_length, LEAST_GAP)
+    # A soft maximum of nothing but zeros is above 0: taken off, it leaves 0 where nobody closes.
+    nobody = _largest(jnp.zeros_like(urgency), relaxation, TTC_SCALE)
+    return _largest(urgency, relaxation, TTC_SCALE) - nobody
 
 
 def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
     """Time until the ego's box meets another [s] per step, all at constant velocity and heading; 1e3 if never.
 
-    Hard only: it jumps where boxes just miss.
+    Hard only: it jumps where boxes just miss. Args: log, of one run; vehicle, the ego's dimensions.
     """
     length, width = _size(vehicle, log.time.dtype)
     heading, speed = log.ego.heading[:, None], log.ego.speed[:, None]
@@ -128,18 +147,21 @@ def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
 
 
 def jerk(log: Log) -> Float[Array, " s"]:
-    """Longitudinal jerk between steps [m/s^3], one fewer than steps."""
+    """Longitudinal jerk between steps [m/s^3], one fewer than steps. Args: log, of one run."""
     steps = log.time[1:] - log.time[:-1]
     return safe.divide(log.ego.acceleration[1:] - log.ego.acceleration[:-1], steps)
 
 
 def lateral_acceleration(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
-    """Lateral acceleration of the rear axle [m/s^2], v^2 tan(delta) / wheelbase."""
+    """Lateral acceleration of the rear axle [m/s^2], v^2 tan(delta) / wheelbase.
+
+    Args: log, of one run; vehicle, for its wheelbase.
+    """
     return log.ego.speed**2 * jnp.tan(log.ego.steering) / vehicle.wheelbase
 
 
 def overlaps(objects: Objects) -> Bool[Array, "v v"]:
-    """Which valid vehicles touch which others, all pairs; the diagonal is False."""
+    """Which valid vehicles touch which others, all pairs; the diagonal is False. Args: objects [V], boxes."""
     every = box(objects.position, objects.heading, objects.length, objects.width)
     one = Box(*(getattr(every, name)[:, None] for name in every.__dataclass_fields__))
     two = Box(*(getattr(every, name)[None, :] for name in every.__dataclass_fields__))

@@ -10,6 +10,8 @@ from urbanjax.sim.log import Log
 from urbanjax.types import pytree
 from urbanjax.vehicle.params import VehicleParams
 
+SHORTEST = 1e-3  # s, that a run counts as lasting: one of a single step lasts 0
+
 
 @pytree
 class ScoreParams:
@@ -45,13 +47,19 @@ class Score:
 
 
 def score(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Float[Array, ""]:
-    """The score of one run, smooth in mode soft."""
+    """The score of one run, smooth in mode soft.
+
+    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    """
     return terms(log, vehicle, params=params, relaxation=relaxation).total
 
 
 def terms(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Score:
-    """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers."""
-    duration = jnp.maximum(log.time[-1] - log.time[0], 1e-3)
+    """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
+
+    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    """
+    duration = jnp.maximum(log.time[-1] - log.time[0], SHORTEST)
     near = _barrier(clearance(log, vehicle, relaxation=relaxation), params.clearance_scale)
     edge = _barrier(log.road_margin, params.road_scale)
     values = {

@@ -68,14 +68,14 @@ class Traffic:
 
 
 def chain_of(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Chain:
-    """The links that each vehicle is going to drive."""
+    """The links that each vehicle is going to drive. Args: lanes, the simulator's tables; traffic, V vehicles."""
     return look_ahead(
         lanes, traffic.link, station=traffic.station, choice=traffic.route, exists=traffic.valid, n_links=params.n_links
     )
 
 
 def bodies_of(traffic: Traffic) -> Bodies:
-    """Where traffic stands."""
+    """Where traffic stands. Args: traffic, V vehicles."""
     return Bodies(
         traffic.link,
         jnp.where(traffic.valid, traffic.station, -FAR),
@@ -89,7 +89,10 @@ def bodies_of(traffic: Traffic) -> Bodies:
 def wanted_speed(
     lanes: LaneTables, factor: Float[Array, " v"], *, chain: Chain, params: TrafficParams
 ) -> Float[Array, " v"]:
-    """Speed to aim for [m/s]: each driver's `factor` of the limit, capped in curves here and ahead."""
+    """Speed to aim for [m/s]: each driver's `factor` of the limit, capped in curves here and ahead.
+
+    Args: lanes, the simulator's tables; factor [V], of the limit; chain, the links ahead of each driver.
+    """
     limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
     allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, cap=limit)
     distance = jnp.where(chain.start > -0.5 * FAR, jnp.maximum(chain.start, 0.0), FAR)
@@ -99,7 +102,11 @@ def wanted_speed(
 def follow(
     lanes: LaneTables, traffic: Traffic, *, chain: Chain, braking: Float[Array, " v"], params: TrafficParams
 ) -> Float[Array, " v"]:
-    """Acceleration [m/s^2]: free road less the strongest of `braking` and what the vehicle ahead asks for."""
+    """Acceleration [m/s^2]: free road less the strongest of `braking` and what the vehicle ahead asks for.
+
+    Args: lanes, the simulator's tables; traffic, V vehicles; chain, the links ahead of each driver; braking [V] m/s^2,
+    positive.
+    """
     bodies = bodies_of(traffic)
     front = nearest(ahead(chain, bodies, seen=~jnp.eye(traffic.link.shape[0], dtype=bool)), bodies, half=bodies.half)
     idm = params.idm.replace(time_headway=traffic.headway)
@@ -112,12 +119,15 @@ def follow(
 
 
 def stop_braking(traffic: Traffic, distance: Float[Array, " v"], *, params: TrafficParams) -> Float[Array, " v"]:
-    """Braking [m/s^2] towards a standstill `distance` m before the front bumper."""
+    """Braking [m/s^2] towards a standstill `distance` m before the front bumper.
+
+    Args: traffic, V vehicles; distance [V] m.
+    """
     return interaction(traffic.speed, distance, front_speed=jnp.zeros_like(distance), params=params.idm)
 
 
 def blend(share: Float[Array, " v"]) -> Float[Array, " v"]:
-    """Quintic from 0 to 1 over a share in [0, 1], at rest at both ends."""
+    """Quintic from 0 to 1 over a share in [0, 1], at rest at both ends. Args: share [V]."""
     return share * share * share * (10 - 15 * share + 6 * share * share)
 
 
@@ -126,7 +136,8 @@ def move(
 ) -> Traffic:
     """Traffic after `dt` s: along the links, from link to link, and across in a lane change.
 
-    A vehicle that leaves a link without successor is gone (`valid` False).
+    A vehicle that leaves a link without successor is gone (`valid` False). Args: lanes, the simulator's tables;
+    traffic, V vehicles; acceleration [V] m/s^2; dt [s].
     """
     speed = jnp.maximum(traffic.speed + acceleration * dt, 0.0)
     travelled = 0.5 * (traffic.speed + speed) * dt
@@ -172,10 +183,11 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
 
 
 def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Objects:
-    """The vehicles as boxes in the world, [V]."""
+    """The vehicles as boxes in the world, [V]. Args: lanes, the simulator's tables; traffic, V vehicles."""
     row = roads.at(lanes, traffic.link, traffic.station)
     heading = row[:, roads.HEADING]
     share = traffic.moved
+    # 30 s^2 (1 - s)^2 is the derivative of the quintic.
     slope = 30 * (share * (1 - share)) ** 2 / params.change_duration
     turned = (traffic.offset_to - traffic.offset_from) * slope / jnp.maximum(traffic.speed, params.min_speed)
     normal = jnp.stack([-jnp.sin(heading), jnp.cos(heading)], axis=-1)

@@ -19,7 +19,8 @@ PATTERNS = {
     "os2_128": tuple(np.linspace(11.25, -11.25, 128).tolist()),
     "vlp_16": tuple(np.linspace(15.0, -15.0, 16).tolist()),
 }
-FAR = float(np.finfo(np.float32).max) / 4
+FAR = float(np.finfo(np.float32).max) / 4  # m, "nothing there": finite, so that sums of a few stay finite
+PARALLEL = 1e-9  # slope of a ray along a surface: smaller ones count as this one, and nothing is divided by 0
 
 
 @pytree
@@ -85,7 +86,9 @@ def sweep(
     Over the sweep the ego keeps its speed and yaw rate (rad/s), and vehicles their velocity. Each ray returns from the
     first of: the nearest `nearby` prisms, the vehicles, the ground z = 0. Beyond `max_range` nothing returns, and from
     the ground nothing beyond `ground_range`. Vehicles do not include the ego. Points have the derivative of the surface
-    that they lie on; which one that is, and what is lost, is a hard choice.
+    that they lie on; which one that is, and what is lost, is a hard choice. Args: surroundings, prisms in the map
+    frame; vehicles, other road users at the end of the sweep, or None; ego, likewise; yaw_rate [] rad/s, its own; key,
+    of noise and drop-out.
     """
     azimuth, time = columns(params)
     rays = _rays(params, ego.speed, yaw_rate, azimuth, time)
@@ -193,7 +196,7 @@ def _surfaces(prisms: Array, rays: _Rays, time: Array, params: LidarParams) -> _
 
 def _span(offset: Array, slope: Array, half: Array) -> tuple[Array, Array]:
     """The distances between which a ray is within `half` of a line's foot: |distance * slope - offset| <= half."""
-    inverse = 1 / jnp.where(jnp.abs(slope) < 1e-9, 1e-9, slope)
+    inverse = 1 / jnp.where(jnp.abs(slope) < PARALLEL, PARALLEL, slope)
     middle, reach = offset * inverse, half * jnp.abs(inverse)
     return middle - reach, middle + reach
 
@@ -243,7 +246,7 @@ def _returns(surfaces: _Surfaces, azimuth: Array, time: Array, params: LidarPara
 
 def _hit(surfaces: _Surfaces, slope: Array, params: LidarParams) -> tuple[Array, Array]:
     """Distance in plan [R, A] (m, FAR for none) and reflectivity of what rays of slopes [R, 1] hit first."""
-    rise = 1 / jnp.where(jnp.abs(slope) < 1e-9, 1e-9, slope)  # distance in plan per metre of height
+    rise = 1 / jnp.where(jnp.abs(slope) < PARALLEL, PARALLEL, slope)  # distance in plan per metre of height
     ground = jnp.where(slope < 0, -params.z * rise, FAR)
     ground = jnp.where(ground < params.ground_range, ground, FAR)
     distance = jnp.broadcast_to(ground, (len(slope), surfaces.enter.shape[1]))

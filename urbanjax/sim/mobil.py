@@ -47,12 +47,18 @@ def incentive(
     old_follower_gain: Float[Array, "*n"],
     politeness: Float[Array, "*n"],
 ) -> Float[Array, "*n"]:
-    """MOBIL's balance of accelerations [m/s^2], own gain + politeness (new follower's gain + old follower's)."""
+    """MOBIL's balance of accelerations [m/s^2], own gain + politeness (new follower's gain + old follower's).
+
+    Args: own_gain, new_follower_gain and old_follower_gain [*N] m/s^2; politeness [*N].
+    """
     return own_gain + politeness * (new_follower_gain + old_follower_gain)
 
 
 def beside(lanes: LaneTables, link: Int[Array, " n"], *, station: Float[Array, " n"], left: Bool[Array, ""]) -> Beside:
-    """The place beside each vehicle, on the left or on the right."""
+    """The place beside each vehicle, on the left or on the right.
+
+    Args: lanes, the simulator's tables; link [N]; station [N] m along it; left [] bool, which side.
+    """
     graph, row = lanes.graph, roads.at(lanes, link, station)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
     return Beside(
@@ -68,7 +74,8 @@ def decide(
 ) -> tuple[Traffic, Float[Array, " v"]]:
     """Traffic with the changes that begin now, and braking [m/s^2] towards leaders in lanes being left.
 
-    Args: drivers, the V vehicles first, then the ego; left, which side has its turn.
+    Args: lanes, the simulator's tables; traffic, V vehicles; drivers, the V vehicles first, then the ego; left [] bool,
+    which side has its turn.
     """
     v, bodies, exists = traffic.link.shape[0], drivers.bodies, drivers.exists
     changing = (traffic.moved < 1) & traffic.has_other

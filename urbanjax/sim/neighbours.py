@@ -14,7 +14,9 @@ from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.types import pytree
 
-FAR = 1e6  # m, "nobody there": finite, so that masked arithmetic stays finite
+# m, "nobody there": finite, so that masked arithmetic stays finite. Lengths may have been added to it: what is beyond
+# half of it is nobody.
+FAR = 1e6
 SAME = 1e-3  # m, nearer together than this, vehicles count as at the same place
 
 
@@ -57,7 +59,11 @@ def look_ahead(
     exists: Bool[Array, " n"],
     n_links: int,
 ) -> Chain:
-    """Chain of `n_links` links from `station` m along `link`."""
+    """The chain of links that each driver is going to drive.
+
+    Args: lanes, the simulator's tables; link [N]; station [N] m along it; choice [N], the number of the successor that
+    a driver takes, mod their count; exists [N] bool; n_links, M.
+    """
     links, starts = [link], [jnp.where(exists, -station, -FAR)]
     for _ in range(n_links - 1):
         follows, goes_on = roads.following(lanes, links[-1], choice)
@@ -73,7 +79,10 @@ def _match(chain_link: Array, chain_start: Array, link: Array, station: Array) -
 
 
 def ahead(chain: Chain, bodies: Bodies, *, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
-    """Distance at which driver i, on its chain, meets the centre of vehicle j; FAR where it does not, or not `seen`."""
+    """Distance at which driver i, on its chain, meets the centre of vehicle j; FAR where it does not, or not `seen`.
+
+    Args: chain, of drivers i; bodies, vehicles j; seen [J, I] bool, which pairs count.
+    """
     nearest = jnp.asarray(FAR, bodies.station.dtype)
     for link, station in ((bodies.link, bodies.station), (bodies.other, bodies.other_station)):
         for m in range(chain.link.shape[0]):
@@ -83,7 +92,10 @@ def ahead(chain: Chain, bodies: Bodies, *, seen: Bool[Array, "j i"]) -> Float[Ar
 
 
 def behind(chain: Chain, link: Array, *, station: Array, seen: Bool[Array, "j i"]) -> Float[Array, "j i"]:
-    """Distance at which driver j, on its chain, meets the place (link_i, station_i); FAR where it does not."""
+    """Distance at which driver j, on its chain, meets the place (link_i, station_i); FAR where it does not.
+
+    Args: chain, of drivers j; link [I] and station [I] m, the places; seen [J, I] bool, which pairs count.
+    """
     nearest = jnp.asarray(FAR, station.dtype)
     for m in range(chain.link.shape[0]):
         found = _match(chain.link[m][:, None], chain.start[m][:, None], link[None, :], station[None, :])
@@ -92,7 +104,10 @@ def behind(chain: Chain, link: Array, *, station: Array, seen: Bool[Array, "j i"
 
 
 def nearest(distance: Float[Array, "j i"], bodies: Bodies, *, half: Float[Array, " i"]) -> Neighbour:
-    """The vehicle j nearest to each i, bumper to bumper. The choice is hard; gap and speed are differentiable."""
+    """The vehicle j nearest to each i, bumper to bumper. The choice is hard; gap and speed are differentiable.
+
+    Args: distance [J, I] m, between centres, FAR for none; bodies, vehicles j; half [I] m, half the length of each i.
+    """
     edge = distance - bodies.half[:, None]
     first = safe.minimum(edge, 0)
     # Not told by equality: the compiler may compute `edge` twice, with different rounding.

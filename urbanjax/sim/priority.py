@@ -18,7 +18,12 @@ from urbanjax.sim.neighbours import FAR, Bodies, Chain
 from urbanjax.types import Signals, SignalState
 from urbanjax.vehicle.limits import stopping_distance
 
-GONE = -1e3  # s, claim of a driver who is in the junction or cannot stop before it
+GONE = -1e3  # s, claim of a driver who is in the junction or cannot stop before it; told by half of it
+PAST = 1.0  # m behind the front bumper, from which on a stop line does not count any more
+SLOWEST = 1.0  # m/s, for which the time to the junction is reckoned at least: who stands comes some time, too
+TIE = 1e-3  # s per link number: breaks ties of drivers who come symmetrically
+HARD_BRAKING = 1.5  # of the comfortable deceleration: who would need more to stop goes
+AT_LINE = 0.1  # m, below which the distance to stop in counts as this one: who stands at the line is not committed
 
 
 def red_distance(
@@ -32,7 +37,9 @@ def red_distance(
 ) -> Float[Array, " n"]:
     """Distance from the front bumper to the stop line of the next red signal [m], FAR if none; two links ahead.
 
-    A yellow one counts while braking at `deceleration` is enough. A stop line more than 1 m behind is past.
+    A yellow one counts while braking at `deceleration` is enough. A stop line more than 1 m behind is past. Args:
+    graph, the road graph; signals, what they show; chain, the links ahead of N drivers; front [N] m, from the box
+    centre to the front bumper; speed [N] m/s; deceleration [m/s^2], positive.
     """
     if graph.n_signals == 0:
         return jnp.full(front.shape, FAR, front.dtype)
@@ -44,14 +51,18 @@ def red_distance(
         link, start = chain.link[m], chain.start[m] - front
         is_link = start > -0.5 * FAR
         to_red, to_yellow = take(red, link) + start, take(yellow, link) + start
-        found = jnp.where(is_link & (to_red > -1), jnp.minimum(found, to_red), found)
+        found = jnp.where(is_link & (to_red > -PAST), jnp.minimum(found, to_red), found)
         can_stop = speed * speed < 2 * deceleration * to_yellow
         found = jnp.where(is_link & can_stop, jnp.minimum(found, to_yellow), found)
     return found
 
 
 def end_distance(lanes: LaneTables, chain: Chain, *, front: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not."""
+    """Distance from the front bumper to where the lane ends beside one that goes on [m], FAR if it does not.
+
+    Args: lanes, the simulator's tables; chain, the links ahead of N drivers; front [N] m, from the box centre to the
+    front bumper.
+    """
     to_end = chain.start + take(lanes.graph.length, chain.link)
     ends = take(lanes.ends, chain.link) & (chain.start > -0.5 * FAR)
     return safe.minimum(jnp.where(ends, to_end, FAR), 0) - front
@@ -69,8 +80,9 @@ def yield_distance(
 ) -> Float[Array, " n"]:
     """Distance from the front bumper to the end of the link where the driver has to give way [m], FAR if it need not.
 
-    Others are watched within `conflict_range` and the stopping distance. Args: bodies and chain, of all vehicles that
-    take part; stopped, those held by a red signal, who claim nothing.
+    Others are watched within `conflict_range` and the stopping distance. Args: lanes, the simulator's tables; bodies
+    and chain, of all vehicles that take part; stopped [N] bool, those held by a red signal, who claim nothing; patience
+    [s]; conflict_range [m]; deceleration [m/s^2], positive.
     """
     if not lanes.has_conflicts or chain.link.shape[0] < 2:
         return jnp.full(bodies.speed.shape, FAR, bodies.speed.dtype)
@@ -99,9 +111,8 @@ def _claim(
     """Time at which each driver claims its next link [s]: entering, plus `patience` per rank below priority."""
     turn = take(graph.turn, there)
     rank = (take(graph.rule, here) != Rule.NONE) * 1.0 + ((turn == Turn.LEFT) | (turn == Turn.U_TURN)) * 1.0
-    # The link number breaks ties of drivers who come symmetrically.
-    claim = distance / jnp.maximum(speed, 1.0) + patience * rank + 1e-3 * here
-    committed = stopping_distance(speed, 1.5 * deceleration) > jnp.maximum(distance, 0.1)
+    claim = distance / jnp.maximum(speed, SLOWEST) + patience * rank + TIE * here
+    committed = stopping_distance(speed, HARD_BRAKING * deceleration) > jnp.maximum(distance, AT_LINE)
     return jnp.where(committed, GONE, claim).astype(distance.dtype)
 
 

@@ -21,6 +21,7 @@ from urbanjax.vehicle.model import box_centre
 from urbanjax.vehicle.params import VehicleParams
 
 REACH = 10.0  # m behind a driver up to which the ego is still looked for, so that passing it is smooth
+AGAINST = 100.0  # m, by which a link counts as farther if the ego drives against it: only if there is no other
 BASE, LEFT, RIGHT = range(3)  # places in `Presence`; the others are links in the opposite direction
 
 
@@ -49,7 +50,11 @@ class Presence:
 def own_link(
     lanes: LaneTables, previous: Int[Array, ""], *, centre: Float[Array, "2"], heading: Float[Array, ""]
 ) -> Array:
-    """The link the ego is on now [int32]: the nearest of the previous one, its neighbours and its successors."""
+    """The link the ego is on now [int32]: the nearest of the previous one, its neighbours and its successors.
+
+    Args: lanes, the simulator's tables; previous, the link a step earlier; centre [2] m, of the ego's box; heading []
+    rad.
+    """
     graph = lanes.graph
     beside = jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]])
     link = jnp.concatenate([beside, lanes.successor[previous]])
@@ -62,11 +67,14 @@ def own_link(
     )
     place = roads.place(lanes, link, centre)
     against = jnp.cos(heading - place.heading) < 0
-    return link[jnp.argmin(jnp.where(exists, place.distance + jnp.where(against, 100.0, 0.0), FAR))].astype(jnp.int32)
+    return link[jnp.argmin(jnp.where(exists, place.distance + jnp.where(against, AGAINST, 0.0), FAR))].astype(jnp.int32)
 
 
 def around(graph: RoadGraph, link: Int[Array, ""]) -> tuple[Int[Array, " e"], Bool[Array, " e"]]:
-    """The link itself, its left and right neighbours and those in the opposite direction, and which of them exist."""
+    """The link itself, its left and right neighbours and those in the opposite direction, and which of them exist.
+
+    Args: graph, the road graph; link, the one the ego is on.
+    """
     links = jnp.concatenate([jnp.stack([link, graph.left_link[link], graph.right_link[link]]), graph.opposite[link]])
     beside = jnp.stack([jnp.array(True), graph.has_left[link], graph.has_right[link]])
     return links, jnp.concatenate([beside, graph.has_opposite[link]])
@@ -75,7 +83,10 @@ def around(graph: RoadGraph, link: Int[Array, ""]) -> tuple[Int[Array, " e"], Bo
 def presence(
     lanes: LaneTables, link: Int[Array, ""], *, ego: VehicleState, vehicle: VehicleParams, params: ReactionParams
 ) -> Presence:
-    """Where the ego stands on `link`, the one it is on, and on the links beside it."""
+    """Where the ego stands on `link`, the one it is on, and on the links beside it.
+
+    Args: lanes, the simulator's tables; link, the ego's own; ego, its state; vehicle, its dimensions.
+    """
     links, exists = around(lanes.graph, link)
     place = roads.place(lanes, links, box_centre(ego, vehicle))
     along = ego.speed * jnp.cos(ego.heading - place.heading)
@@ -97,7 +108,11 @@ def braking(
     reaction: ReactionParams,
     relaxation: Relaxation,
 ) -> Float[Array, " v"]:
-    """Braking towards the ego [m/s^2], per vehicle: IDM's, weighted by the degree to which the ego is in its way."""
+    """Braking towards the ego [m/s^2], per vehicle: IDM's, weighted by the degree to which the ego is in its way.
+
+    Args: seen, the ego on the links around it; traffic, V vehicles; chain, the links ahead of them; reaction, when they
+    take it to be in a lane; relaxation, of that.
+    """
     ahead = jnp.full((seen.link.shape[0], traffic.link.shape[0]), FAR, traffic.station.dtype)
     for m in range(chain.link.shape[0]):
         distance = seen.station[:, None] + chain.start[m][None, :]
@@ -117,5 +132,5 @@ def braking(
 
 
 def advance(seen: Presence, dt: float | Array) -> Presence:
-    """The presence `dt` s later, along the links."""
+    """The presence `dt` s later, along the links. Args: seen, the ego on the links around it; dt [s]."""
     return seen.replace(station=seen.station + seen.speed * dt)

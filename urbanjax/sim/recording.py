@@ -46,7 +46,10 @@ class Recording:
 
 
 def record(tracks: Sequence[RecordedTrack], dt: float, *, origin: tuple[float, float]) -> Recording:
-    """All tracks on one clock of T steps from 0; what lies between two states of a track is valid and interpolated."""
+    """All tracks on one clock of T steps from 0; what lies between two states of a track is valid and interpolated.
+
+    Args: tracks, the road users; dt [s], one step of the clock; origin [m], of the graph, taken off positions.
+    """
     steps = 1 + max((int(track.step[-1]) for track in tracks), default=0)
     count = len(tracks)
     position, heading, speed = np.zeros((count, steps, 2)), np.zeros((count, steps)), np.zeros((count, steps))

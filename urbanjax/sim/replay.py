@@ -7,6 +7,8 @@ from jaxtyping import Float
 from urbanjax.numerics import safe
 from urbanjax.types import Objects, pytree
 
+ROUNDING = 1e-3  # of a period: a time just before a record counts as that of the record
+
 
 @pytree
 class Replay:
@@ -22,10 +24,13 @@ class Replay:
 
 
 def objects(replay: Replay, time: Float[Array, ""]) -> Objects:
-    """The road users at `time` s, linear between two records; after the last one there are none."""
+    """The road users at `time` s, linear between two records; after the last one there are none.
+
+    Args: replay, the records; time [] s.
+    """
     last = replay.heading.shape[0] - 1
     steps = jnp.maximum(time / replay.period, 0)
-    before = jnp.clip(jnp.floor(steps + 1e-3).astype(jnp.int32), 0, last)
+    before = jnp.clip(jnp.floor(steps + ROUNDING).astype(jnp.int32), 0, last)
     after = jnp.minimum(before + 1, last)
     share = jnp.clip(steps - before, 0, 1)
 
@@ -42,5 +47,5 @@ def objects(replay: Replay, time: Float[Array, ""]) -> Objects:
         speed=jnp.where(held, replay.speed[before], between(replay.speed)),
         length=replay.length,
         width=replay.width,
-        valid=replay.valid[before] & (steps < last + 0.5),
+        valid=replay.valid[before] & (steps < last + 0.5),  # the last record holds for half a period
     )

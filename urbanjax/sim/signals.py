@@ -20,7 +20,10 @@ class SignalProgram:
 def alternating(
     n_signals: int, n_phases: int = 2, *, cycle: float = 60.0, yellow: float = 3.0, clearance: float = 2.0
 ) -> SignalProgram:
-    """A program in which signal g is green in phase g mod n_phases, all-red for `clearance` s between phases."""
+    """A program in which signal g is green in phase g mod n_phases, all-red for `clearance` s between phases.
+
+    Args: n_signals, G; n_phases, groups of signals that take turns; cycle [s]; yellow [s]; clearance [s].
+    """
     phase = jnp.arange(n_signals) % n_phases
     share = 1.0 / n_phases - (yellow + clearance) / cycle
     each = jnp.ones(n_signals)
@@ -28,7 +31,7 @@ def alternating(
 
 
 def show(program: SignalProgram, time: Float[Array, ""]) -> Signals:
-    """State of all signals at `time` s, and how long it lasts."""
+    """State of all signals at `time` s, and how long it lasts. Args: program, of G signals; time [] s."""
     into = jnp.mod(time - program.offset, program.cycle)
     to_yellow = program.green * program.cycle
     to_red = to_yellow + program.yellow
@@ -39,6 +42,6 @@ def show(program: SignalProgram, time: Float[Array, ""]) -> Signals:
 
 
 def always_green(n_signals: int) -> SignalProgram:
-    """A program in which nobody ever has to stop, for worlds whose signals are not simulated."""
+    """A program in which nobody ever has to stop, for worlds whose signals are not simulated. Args: n_signals, G."""
     each = jnp.ones(n_signals)
     return SignalProgram(each, 0 * each, each, 0 * each)

@@ -8,6 +8,7 @@ from urbanjax.types import pytree, static
 from urbanjax.vehicle.limits import MIN_SPEED
 
 MIN_GAP = 0.1  # m, a smaller or negative gap counts as this one
+MIN_RATIO = 1e-4  # of speed to desired speed: keeps the logarithm inside the power, and its derivative, finite
 
 
 @pytree
@@ -33,11 +34,13 @@ class HeadwayParams:
 
 def highway_idm() -> IDMParams:
     """The parameters of highway-env's `IDMVehicle`, whose gaps are centre to centre."""
-    return IDMParams(3.0, 5.0, 1.5, 10.0, 4.0, floored=False)
+    return IDMParams(
+        acceleration=3.0, deceleration=5.0, time_headway=1.5, jam_distance=10.0, exponent=4.0, floored=False
+    )
 
 
 def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], *, params: IDMParams) -> Float[Array, "*b"]:
-    """Gap that IDM wants [m], s0 + v T + v (v - v_f) / (2 sqrt(a b))."""
+    """Gap that IDM wants [m], s0 + v T + v (v - v_f) / (2 sqrt(a b)). Args: speed and front_speed [*B] m/s."""
     closing = speed * (speed - front_speed) / (2 * jnp.sqrt(params.acceleration * params.deceleration))
     dynamic = speed * params.time_headway + closing
     return params.jam_distance + (jnp.maximum(dynamic, 0.0) if params.floored else dynamic)
@@ -46,16 +49,18 @@ def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], *, p
 def free_acceleration(
     speed: Float[Array, "*b"], desired_speed: Float[Array, "*b"], *, params: IDMParams
 ) -> Float[Array, "*b"]:
-    """IDM's acceleration on a free road [m/s^2], a (1 - (v / v_0)^exponent)."""
-    # The floor keeps the logarithm inside the power, and its derivative, finite at standstill.
-    ratio = jnp.maximum(speed / jnp.maximum(jnp.abs(desired_speed), MIN_SPEED), 1e-4)
+    """IDM's acceleration on a free road [m/s^2], a (1 - (v / v_0)^exponent). Args: speed and desired_speed [*B] m/s."""
+    ratio = jnp.maximum(speed / jnp.maximum(jnp.abs(desired_speed), MIN_SPEED), MIN_RATIO)
     return params.acceleration * (1 - ratio**params.exponent)
 
 
 def interaction(
     speed: Float[Array, "*b"], gap: Float[Array, "*b"], *, front_speed: Float[Array, "*b"], params: IDMParams
 ) -> Float[Array, "*b"]:
-    """IDM's braking for a front vehicle [m/s^2], a (s* / s)^2, not negative; about 0 for a gap of 1e6 m."""
+    """IDM's braking for a front vehicle [m/s^2], a (s* / s)^2, not negative; about 0 for a gap of 1e6 m.
+
+    Args: speed [*B] m/s; gap [*B] m, bumper to bumper; front_speed [*B] m/s.
+    """
     ratio = desired_gap(speed, front_speed, params=params) / jnp.maximum(gap, MIN_GAP)
     return params.acceleration * ratio * ratio
 
@@ -71,6 +76,7 @@ def idm_acceleration(
     """IDM acceleration [m/s^2], unlimited from below; without a front vehicle pass a gap of 1e6 m.
 
     Equal to highway-env's `IDMVehicle.acceleration` with `highway_idm()`, where the gap is measured centre to centre.
+    Args: speed and desired_speed [*B] m/s; gap [*B] m, bumper to bumper; front_speed [*B] m/s.
     """
     return free_acceleration(speed, desired_speed, params=params) - interaction(
         speed, gap, front_speed=front_speed, params=params
@@ -87,7 +93,8 @@ def constant_headway_speed(
 ) -> Float[Array, "*b"]:
     """Speed to drive behind a front vehicle [m/s], clip(v_f + (gap - s0 - T_h v) / t_c, 0, cap).
 
-    These are v_T and v_E of Eq. 28, which the paper leaves open. Without a front vehicle pass a gap of 1e6 m.
+    These are v_T and v_E of Eq. 28, which the paper leaves open. Without a front vehicle pass a gap of 1e6 m. Args:
+    speed [*B] m/s; gap [*B] m, bumper to bumper; front_speed [*B] m/s; cap [*B] m/s.
     """
     error = gap - params.jam_distance - params.time_headway * speed
     return jnp.clip(front_speed + error / params.time_constant, 0.0, cap)

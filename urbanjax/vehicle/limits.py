@@ -12,7 +12,10 @@ MIN_SPEED = 1e-2  # m/s, below which a limit is as good as zero
 def curve_speed(
     curvature: Float[Array, "*b"], lateral_acceleration: float | Array, *, cap: float | Array
 ) -> Float[Array, "*b"]:
-    """Highest speed in a curve [m/s], min(cap, sqrt(a_lat / |kappa|)); the cap on a straight road."""
+    """Highest speed in a curve [m/s], min(cap, sqrt(a_lat / |kappa|)); the cap on a straight road.
+
+    Args: curvature [*B] 1/m; lateral_acceleration [m/s^2]; cap [m/s].
+    """
     bound = jnp.maximum(cap, MIN_SPEED)
     return jnp.sqrt(lateral_acceleration / jnp.maximum(jnp.abs(curvature), lateral_acceleration / (bound * bound)))
 
@@ -20,10 +23,11 @@ def curve_speed(
 def stop_speed(
     distance: Float[Array, "*b"], deceleration: float | Array, *, reaction_time: float | Array = 0.0
 ) -> Float[Array, "*b"]:
-    """Speed from which one can stop within `distance` m [m/s], 0 at and behind the stop.
+    """Speed from which one can stop within a distance [m/s], 0 at and behind the stop.
 
     Solves d = v t_r + v^2 / (2 a). A reaction time above 0 bounds the derivative at the stop by 1 / t_r, where the
-    plain square root would be infinitely steep; `safe` cuts it to 0 there.
+    plain square root would be infinitely steep; `safe` cuts it to 0 there. Args: distance [*B] m; deceleration [m/s^2],
+    positive; reaction_time [s].
     """
     delay = deceleration * reaction_time
     return safe.sqrt(delay * delay + 2 * deceleration * jnp.maximum(distance, 0.0)) - delay
@@ -32,10 +36,16 @@ def stop_speed(
 def approach_speed(
     distance: Float[Array, "*b"], target_speed: Float[Array, "*b"], *, deceleration: float | Array
 ) -> Float[Array, "*b"]:
-    """Speed from which one can reach `target_speed` within `distance` m [m/s], sqrt(v^2 + 2 a d)."""
+    """Speed from which one can reach `target_speed` within a distance [m/s], sqrt(v^2 + 2 a d).
+
+    Args: distance [*B] m; target_speed [*B] m/s; deceleration [m/s^2], positive.
+    """
     return safe.sqrt(target_speed * target_speed + 2 * deceleration * jnp.maximum(distance, 0.0))
 
 
 def stopping_distance(speed: Float[Array, "*b"], deceleration: float | Array) -> Float[Array, "*b"]:
-    """Distance covered while braking to standstill [m], v^2 / (2 a)."""
+    """Distance covered while braking to standstill [m], v^2 / (2 a).
+
+    Args: speed [*B] m/s; deceleration [m/s^2], positive.
+    """
     return speed * speed / (2 * deceleration)

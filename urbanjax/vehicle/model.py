@@ -16,7 +16,8 @@ def bicycle_step(
 
     The command is limited first: acceleration, steering rate, steering angle, speed in [0, max] (no reversing). The
     position is exact for the curvature held over the step; the distance is the mean of both speeds times dt. The
-    returned acceleration and steering are those that took effect.
+    returned acceleration and steering are those that took effect. Args: state, of the rear axle; command, acceleration
+    and steering for the step; dt [s].
     """
     turned = jnp.clip(command.steering - state.steering, -params.max_steering_rate * dt, params.max_steering_rate * dt)
     steering = jnp.clip(state.steering + turned, -params.max_steering, params.max_steering)
@@ -41,14 +42,14 @@ def highway_step(
     """State after one explicit Euler step of highway-env's `Vehicle.step`.
 
     Its reference point is the centre, not the rear axle, its axles stand half a length before and behind, and speed is
-    limited softly through the acceleration only. Impacts after a collision are not modelled. Args: state, of which
+    limited softly through the acceleration only. Impacts after a collision are not modelled. Args: state, whose
     `position` is the centre of the box; command, acceleration and steering for the step; dt [s]; length [m] of the
     vehicle; max_speed [m/s].
     """
     heading, speed, wanted = state.heading, state.speed, command.acceleration
     limited = jnp.where(speed > max_speed, jnp.minimum(wanted, max_speed - speed), wanted)
     limited = jnp.where(speed < -max_speed, jnp.maximum(wanted, -max_speed - speed), limited)
-    slip = jnp.arctan(0.5 * jnp.tan(command.steering))
+    slip = jnp.arctan(0.5 * jnp.tan(command.steering))  # at the centre, halfway between the axles
     course = jnp.stack([jnp.cos(heading + slip), jnp.sin(heading + slip)], axis=-1)
     return VehicleState(
         position=state.position + speed[..., None] * course * dt,
@@ -60,6 +61,6 @@ def highway_step(
 
 
 def box_centre(state: VehicleState, params: VehicleParams) -> Float[Array, "*b 2"]:
-    """Centre of the vehicle's box, [.., 2] m."""
+    """Centre of the vehicle's box, [.., 2] m. Args: state, of the rear axle."""
     forward = jnp.stack([jnp.cos(state.heading), jnp.sin(state.heading)], axis=-1)
     return state.position + params.centre_offset * forward

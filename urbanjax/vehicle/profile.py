@@ -23,7 +23,8 @@ def free_flow(
     """Speed [K] (m/s) and arrival time [K] (s) along a path without traffic.
 
     The squared speed is the least of three: what acceleration allows from the start, the cap here, and what
-    deceleration needs for the caps ahead. Args: cap [K] m/s; distance [K] m from the start, increasing from 0.
+    deceleration needs for the caps ahead. Args: speed [] m/s, at the start; cap [K] m/s; distance [K] m from the start,
+    increasing from 0.
     """
     from_start = speed**2 + 2 * params.acceleration * distance
     # Which points lie ahead is told by index: in a fused loop a distance may differ from itself in the last digit.

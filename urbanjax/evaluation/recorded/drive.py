@@ -61,7 +61,10 @@ class Drive:
 
 
 def drive(loop: LoopParams, scene: RecordedScene) -> list[Drive]:
-    """All drives of a scene, in one compiled program."""
+    """All drives of a scene, in one compiled program.
+
+    Args: loop, the stack and the simulator; scene, the recording with its starts.
+    """
     lanes = tables.from_graph(scene.graph)
     steps = np.array([start.steps for start in scene.starts])
     loop = as_arrays(loop)
@@ -75,13 +78,16 @@ def drive(loop: LoopParams, scene: RecordedScene) -> list[Drive]:
 
 
 def worlds_of(loop: LoopParams, scene: RecordedScene) -> WorldState:
-    """The worlds at the starts, [E, ...]: recorded road users only."""
+    """The worlds at the starts, [E, ...]: recorded road users only.
+
+    Args: loop, the simulator's parameters; scene, the recording with its starts.
+    """
     count = len(scene.starts)
     nobody = traffic(
         jnp.zeros(1, jnp.int32),
         jnp.zeros(1),
         speed=jnp.zeros(1),
-        limit=1.0,
+        limit=1.0,  # of nobody: the only vehicle is not valid
         params=loop.sim.traffic,
         valid=jnp.zeros(1, bool),
     )
@@ -121,7 +127,7 @@ def _all(
         # Where the route has left the map nobody knows where the road is.
         mapped = station + vehicle.length / 2 < corridor.length
         margin = jnp.where(mapped, log.road_margin, metrics.FAR)
-        off = metrics.off_road(log.replace(road_margin=margin), own.stack.relaxation) > 0.5
+        off = metrics.off_road(log.replace(road_margin=margin), own.stack.relaxation) > 0.5  # a degree in [0, 1]
         return log, collisions.first(log, vehicle), off, jnp.minimum(station, corridor.length)
 
     return jax.vmap(one)(corridor, starts, vehicles, steps)

@@ -8,11 +8,15 @@ from urbanjax.evaluation.recorded.scenes import EgoStart
 from urbanjax.geometry.boxes import corners
 from urbanjax.roadmap.graph import RoadGraph
 
+ROUNDING = 1e-6  # s or m/s, by which a bound may be missed
+DISC = 32  # corners of the polygon that stands for a disc
+
 
 def reached(start: EgoStart, graph: RoadGraph, *, path: np.ndarray, speed: np.ndarray, period: float) -> bool:
     """Whether some goal holds in some step: its time, place, speed and heading, as far as it names them.
 
-    Args: path [T, 3] x, y (m), heading (rad) of the box centre; speed [T] m/s; period s.
+    Args: start, with the goals; graph, the road graph; path [T, 3] x, y (m), heading (rad) of the box centre; speed [T]
+    m/s; period [s]; host arrays.
     """
     time = (start.first + np.arange(len(path))) * period
     return any(bool(_holds(goal, graph, path, speed, time).any()) for goal in start.goals)
@@ -23,7 +27,7 @@ def _holds(goal: Goal, graph: RoadGraph, path: np.ndarray, speed: np.ndarray, ti
     there = np.ones(len(path), bool)
     for bounds, values in ((goal.time, time), (goal.speed, speed)):
         if bounds is not None:
-            there &= (values >= bounds[0] - 1e-6) & (values <= bounds[1] + 1e-6)
+            there &= (values >= bounds[0] - ROUNDING) & (values <= bounds[1] + ROUNDING)
     if goal.heading is not None:
         low, high = goal.heading
         there &= (path[:, 2] - low) % (2 * np.pi) <= high - low
@@ -50,7 +54,7 @@ def _outline(region: Region) -> np.ndarray:
     if region.corners is not None:
         return np.asarray(region.corners, float)
     if region.radius:
-        angle = np.arange(32) * (2 * np.pi / 32)
+        angle = np.arange(DISC) * (2 * np.pi / DISC)
         return centre + region.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     box = (jnp.asarray(x, float) for x in (centre, region.heading, region.length, region.width))
     return np.asarray(corners(*box))

@@ -12,7 +12,10 @@ LONG_ROUTE = 64  # links
 
 
 def find_route(graph: RoadGraph, start: int, *, goals: Sequence[int]) -> Route:
-    """The cheapest route from a link to one of `goals`, and on for 200 m. Raises RouteError where none is reached."""
+    """The cheapest route from a link to one of `goals`, and on for 200 m. Raises RouteError where none is reached.
+
+    Args: graph, the road graph; start, a link; goals, links.
+    """
     params = RouteParams(n_links=LONG_ROUTE)
     found: list[Route] = []
     for goal in goals:
@@ -30,7 +33,7 @@ def find_route(graph: RoadGraph, start: int, *, goals: Sequence[int]) -> Route:
 
 
 def beside(graph: RoadGraph, link: int) -> list[int]:
-    """The lanes beside a link in its direction."""
+    """The lanes beside a link in its direction. Args: graph, the road graph; link, whose neighbours are asked for."""
     lanes = []
     for side, there in ((graph.left_link, graph.has_left), (graph.right_link, graph.has_right)):
         at = link

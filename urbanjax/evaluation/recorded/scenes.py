@@ -21,6 +21,7 @@ from urbanjax.sim.replay import Replay
 from urbanjax.types import RouteError, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
+ROUNDING = 1e-6  # s, by which a recording may be too short
 WHEELBASE, OVERHANG = 0.6, 0.2  # of a vehicle's length, where a recording does not say
 
 
@@ -66,13 +67,14 @@ def prepare(
 ) -> RecordedScene:
     """Every recorded vehicle that moves, lasts `shortest` s, and overlaps no other in the recording.
 
-    Raises RouteError where there is none. Args: name, of the scene; vehicle, the stack's own.
+    Raises RouteError where there is none. Args: name, of the scene; graph, the road graph; recording, the road users;
+    shortest [s]; vehicle, the stack's own (default: the standard one).
     """
     starts, left_out = [], {}
     touching = _overlapping(recording)
     for v, label in enumerate(str(i) for i in recording.ids):
         steps = int(recording.valid[v].sum())
-        if recording.standing[v] or (steps - 1) * recording.dt < shortest - 1e-6:
+        if recording.standing[v] or (steps - 1) * recording.dt < shortest - ROUNDING:
             continue
         other = touching[v]
         if other is not None:
@@ -120,7 +122,8 @@ def problems(
     """Planning problems among recorded traffic, each driven as long as its goals or the recording last.
 
     The goal is a link of a goal, or the nearest one to its region; a problem without either goes on along its lane.
-    Raises RouteError where there is none.
+    Raises RouteError where there is none. Args: name, of the scene; graph, the road graph; recording, the road users;
+    tasks, the planning problems; vehicle, the stack's own (default: the standard one).
     """
     starts, left_out = [], {}
     for problem in tasks:
@@ -210,7 +213,10 @@ _overlaps = jax.jit(overlap)
 
 
 def replay_without(recording: Recording, index: int | None) -> Replay:
-    """The recording as a replay, without one road user."""
+    """The recording as a replay, without one road user.
+
+    Args: recording, the road users; index, of the one to leave out (None: nobody).
+    """
     valid = recording.valid.T.copy()
     if index is not None:
         valid[:, index] = False
@@ -227,7 +233,10 @@ def replay_without(recording: Recording, index: int | None) -> Replay:
 
 
 def vehicle_of(start: EgoStart, own: VehicleParams) -> VehicleParams:
-    """A vehicle of the recorded size, or the stack's own."""
+    """A vehicle of the recorded size, or the stack's own.
+
+    Args: start, with the recorded size; own, the stack's vehicle.
+    """
     if start.size is None:
         return as_arrays(own)
     length, width = start.size
@@ -237,7 +246,10 @@ def vehicle_of(start: EgoStart, own: VehicleParams) -> VehicleParams:
 
 
 def ego_of(start: EgoStart, vehicle: VehicleParams) -> VehicleState:
-    """The vehicle at the start; the reference point is the rear axle."""
+    """The vehicle at the start; the reference point is the rear axle.
+
+    Args: start, with pose and speed of the box centre; vehicle, whose rear axle is asked for.
+    """
     heading = float(start.pose[2])
     back = float(vehicle.centre_offset)
     state: dict[str, Any] = {

@@ -15,6 +15,9 @@ from urbanjax.sim.signals import alternating
 from urbanjax.sim.world import WorldState
 from urbanjax.types import VehicleState, pytree, static
 
+START_SHARE = 0.6  # of the wanted speed, at which vehicles start
+NEVER = 2.0  # above all random numbers, for places that are not to be chosen
+
 
 @pytree
 class CirculateParams:
@@ -39,7 +42,8 @@ def road(params: CirculateParams) -> RoadGraph:
 def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes: LaneTables) -> Scenario:
     """A start: `n_vehicles` on random free places of the network, which change lanes and take the first successor.
 
-    No vehicle starts inside a junction, or within one spacing of the ego.
+    No vehicle starts inside a junction, or within one spacing of the ego. Args: key, of chance; others, how
+    traffic drives; lanes, the simulator's tables of the road.
     """
     keys = jax.random.split(key, 4)
     link = jnp.asarray(params.ego_link, jnp.int32)
@@ -53,7 +57,7 @@ def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes:
     headway = jax.random.uniform(keys[2], (n,), minval=params.headway[0], maxval=params.headway[1])
     limit = lanes.graph.speed_limit[vehicles.link]
     vehicles = vehicles.replace(
-        speed=0.6 * factor * limit, desired_speed=factor, headway=headway, changes=jnp.ones(n, bool)
+        speed=START_SHARE * factor * limit, desired_speed=factor, headway=headway, changes=jnp.ones(n, bool)
     )
     program = alternating(lanes.graph.n_signals, cycle=params.signal_cycle)
     state = WorldState(ego, link, vehicles, program, zero, jnp.asarray(0, jnp.int32))
@@ -63,7 +67,11 @@ def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes:
 def scatter(
     key: Array, lanes: LaneTables, *, params: CirculateParams, others: TrafficParams, keep_free: Float[Array, "2"]
 ) -> Traffic:
-    """Vehicles at distinct random places, which are `spacing` apart along each link."""
+    """Vehicles at distinct random places, which are `spacing` apart along each link.
+
+    Args: key, of chance; lanes, the simulator's tables of the road; others, how traffic drives; keep_free [2] m, a
+    position that no vehicle is near.
+    """
     graph = lanes.graph
     station = (0.5 + jnp.arange(params.n_places, dtype=graph.length.dtype)) * params.spacing
     link = jnp.repeat(jnp.arange(graph.length.shape[0], dtype=jnp.int32), params.n_places)
@@ -73,7 +81,8 @@ def scatter(
     away = jnp.sum((row[:, : roads.HEADING] - keep_free[None, :]) ** 2, axis=-1) > params.spacing**2
     open_road = graph.valid[link] & (graph.road_type[link] != RoadType.JUNCTION) & ~lanes.ends[link]
     usable = inside & away & open_road
-    order = jnp.where(usable, jax.random.uniform(key, usable.shape), 2.0)
+    order = jnp.where(usable, jax.random.uniform(key, usable.shape), NEVER)
     chosen = jnp.argsort(order)[: params.n_vehicles]
     link, station = link[chosen], station[chosen]
+    # The limit does not matter for wanted speeds of 0.
     return traffic(link, station, speed=jnp.zeros_like(station), limit=1.0, params=others, valid=usable[chosen])

@@ -38,7 +38,10 @@ def road(params: FollowParams) -> RoadGraph:
 
 
 def sample(key: Array, params: FollowParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:
-    """A start: the ego behind a leader that keeps its speed, or brakes behind a standing vehicle."""
+    """A start: the ego behind a leader that keeps its speed, or brakes behind a standing vehicle.
+
+    Args: key, of chance; vehicle, the ego's dimensions; others, how traffic drives.
+    """
     keys = jax.random.split(key, 5)
 
     def draw(i: int, limits: tuple[float | Array, float | Array]) -> Array:

@@ -24,7 +24,7 @@ def traffic(
 ) -> Traffic:
     """Vehicles in the centre of their lanes that want to keep their speed; they follow, and do not change lanes.
 
-    Args: link [V], station [V] m, speed [V] m/s, limit of all roads [m/s], valid [V].
+    Args: link [V]; station [V] m; speed [V] m/s; limit [m/s], of all roads; valid [V] bool.
     """
     zero, no = jnp.zeros_like(station), jnp.zeros(link.shape, bool)
     return Traffic(
@@ -59,13 +59,13 @@ def no_signals() -> SignalProgram:
 
 
 def ego_at(x: Array, y: Array, *, speed: Array) -> VehicleState:
-    """The ego's rear axle at (x, y) [m], heading along x, steering straight."""
+    """The ego's rear axle at (x, y) [m], heading along x, steering straight. Args: x and y [] m; speed [] m/s."""
     zero = jnp.zeros_like(speed)
     return VehicleState(jnp.stack([x, y]), zero, speed, zero, zero)
 
 
 def world(ego: VehicleState, ego_link: int, *, vehicles: Traffic) -> WorldState:
-    """The world at time 0."""
+    """The world at time 0. Args: ego, its state; ego_link, the link it is on; vehicles, the traffic."""
     return WorldState(
         ego,
         jnp.asarray(ego_link, jnp.int32),

@@ -9,6 +9,10 @@ from urbanjax.roadmap.corridor import Corridor, sample, to_world
 from urbanjax.types import Objects, Odometry, VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
+LENGTH, WIDTH = 4.5, 1.8  # m, of the vehicles around
+START_SPEED = 1.0  # m/s: from standstill the first step would take for ever
+LEAST_CURVATURE = 1e-6  # 1/m, below which a road is straight
+
 
 @pytree
 class TourParams:
@@ -45,7 +49,8 @@ def drive(key: Array, corridor: Corridor, *, params: TourParams, vehicle: Vehicl
     """The drive along a whole route, as fast as speed limit and curves allow; on the host.
 
     Vehicles drive on the lanes beside the ego's, at speeds of their own; one that is left behind comes up again in
-    front, so that there are always as many. On the ego's lane there is nobody.
+    front, so that there are always as many. On the ego's lane there is nobody. Args: key, of noise and traffic;
+    corridor, the lanes along the route; vehicle, its dimensions (default: the standard one).
     """
     vehicle = VehicleParams() if vehicle is None else vehicle
     station, speed, time = _profile(
@@ -75,8 +80,8 @@ def _profile(
     """Station, speed and time [T] at each step, from walking pace and the caps of the curves."""
     inside = station <= length
     station, curvature = station[inside], np.abs(curvature[inside])
-    squared = np.minimum(params.speed**2, params.lateral / np.maximum(curvature, 1e-6))
-    squared[0] = 1.0
+    squared = np.minimum(params.speed**2, params.lateral / np.maximum(curvature, LEAST_CURVATURE))
+    squared[0] = START_SPEED**2
     gap = np.diff(station)
     for i, step in enumerate(gap):
         squared[i + 1] = min(squared[i + 1], squared[i] + 2 * params.acceleration * step)
@@ -111,4 +116,4 @@ def _traffic(key: Array, corridor: Corridor, station: Array, time: Array, params
     position, heading, valid = jax.jit(jax.vmap(place))(there)
     shape = heading.shape
     size = jnp.ones(shape, heading.dtype)
-    return Objects(position, heading, jnp.broadcast_to(speed[None], shape), 4.5 * size, 1.8 * size, valid)
+    return Objects(position, heading, jnp.broadcast_to(speed[None], shape), LENGTH * size, WIDTH * size, valid)

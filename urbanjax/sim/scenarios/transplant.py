@@ -19,8 +19,9 @@ def transplant(
 ) -> Scenario:
     """An overtaking start (`overtake.sample`) with its right lane on `link` and its left lane on that one's left.
 
-    Vehicles that stand beyond the end of the link stand on those that follow it. Args: link, which has a left
-    neighbour; shift [m], added to all stations; cycle [s], of the signals there.
+    Vehicles that stand beyond the end of the link stand on those that follow it. Args: start, drawn by
+    `overtake.sample`; lanes, the simulator's tables of the other road; link, which has a left neighbour; shift [m],
+    added to all stations; cycle [s], of the signals there.
     """
     traffic, ego = start.world.traffic, start.world.ego
     left = lanes.graph.left_link[link].astype(jnp.int32)

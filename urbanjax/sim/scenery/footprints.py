@@ -20,7 +20,8 @@ def clearance(graph: RoadGraph, centre: np.ndarray, *, heading: np.ndarray, half
     """[K] m, how far rectangles are from all lanes, at least; 0 and little more where they lie on one.
 
     Taken between points of outlines and of centre lines and borders, which lie closer than a metre to any point of a
-    lane: a clearance of at least 1 m is right, a smaller one means too close. Args: see `Surroundings`.
+    lane: a clearance of at least 1 m is right, a smaller one means too close. Args: graph, the road graph; centre [K,
+    2] m; heading [K] rad; half [K, 2] m, half of length and width; host arrays.
     """
     lines = np.concatenate([np.asarray(line, float)[np.asarray(graph.valid)] for line in _lines(graph)])
     n = int(np.ceil(np.linalg.norm(np.diff(lines, axis=1), axis=-1).max() / SPACING))
@@ -39,7 +40,10 @@ def _lines(graph: RoadGraph) -> tuple:
 
 
 def outline(centre: np.ndarray, heading: np.ndarray, *, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points [M, 2] on the outlines of rectangles, at most `PERIMETER` apart, and whose each is [M]."""
+    """Points [M, 2] on the outlines of rectangles, at most `PERIMETER` apart, and whose each is [M].
+
+    Args: centre [K, 2] m; heading [K] rad; half [K, 2] m, half of length and width; host arrays.
+    """
     along, across = np.array([-1, 1, 1, -1]), np.array([-1, -1, 1, 1])
     corner = np.stack([half[:, :1] * along, half[:, 1:] * across], axis=-1)
     n = np.ceil(2 * half[:, [0, 1, 0, 1]] / PERIMETER).astype(int).reshape(-1)
@@ -57,8 +61,8 @@ def apart(
 ) -> np.ndarray:
     """[K] which stay when of two that overlap, in plan and in height, the one of higher rank goes, and all it holds.
 
-    Args: rows, the fields of `Surroundings`; holder [K], what each is fixed to (itself: nothing); kept [K] bool, those
-    in question; spared, a rank whose members may overlap each other.
+    Args: rows, the fields of `Scenery`; rank [K]; holder [K], what each is fixed to (itself: nothing); kept [K] bool,
+    those in question; spared, a rank whose members may overlap each other.
     """
     size = np.linalg.norm(rows["half"], axis=1)
     first, second = _near(rows["centre"], size)

@@ -2,6 +2,9 @@
 
 Four styles of district: `centre` (rows of houses, parked cars), `suburb` (houses in gardens), `works` (long bare walls,
 where little tells how far along the road one is, and car parks), and `green` (trees).
+
+Bare numbers in the functions below are the drawn sizes: m for lengths, offsets and heights, rad for angles, and shares
+from 0 to 1 for what not every plot has. They are guesses at what towns look like; nothing else rests on one of them.
 """
 
 from typing import NamedTuple, Protocol
@@ -50,7 +53,11 @@ class Draw(Protocol):
 def house(
     rng: np.random.Generator, pieces: list[Piece], *, start: float, width: float, front: float, top: float
 ) -> None:
-    """One building, often with balconies or bays on its face."""
+    """One building, often with balconies or bays on its face.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins; width
+    [m], along the road; front [m], offset of its face; top [m], its height.
+    """
     depth = rng.uniform(8.0, 14.0)
     turn = rng.normal(0.0, 0.02 if rng.random() < 0.8 else 1.2 / width)
     middle = start + width / 2
@@ -64,7 +71,10 @@ def house(
 
 
 def tree(rng: np.random.Generator, pieces: list[Piece], *, station: float, offset: float) -> None:
-    """A trunk, and a crown on most."""
+    """A trunk, and a crown on most.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; station and offset [m].
+    """
     trunk, fork = rng.uniform(0.1, 0.25), rng.uniform(2.2, 3.2)
     me = len(pieces)
     pieces.append(Piece("tree", station, offset, (trunk, trunk), (0.0, fork), rng.uniform(0, 1.5)))
@@ -75,7 +85,11 @@ def tree(rng: np.random.Generator, pieces: list[Piece], *, station: float, offse
 
 
 def kerb_cars(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """Cars parked along the kerb, with gaps."""
+    """Cars parked along the kerb, with gaps.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     for at in np.arange(start + 3.0, start + length - 3.0, 6.2):
         if rng.random() < 0.65:
             half = (rng.uniform(1.9, 2.5), rng.uniform(0.82, 0.98))
@@ -84,7 +98,11 @@ def kerb_cars(rng: np.random.Generator, pieces: list[Piece], *, start: float, le
 
 
 def row(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """Houses side by side at the pavement, each with a front of its own."""
+    """Houses side by side at the pavement, each with a front of its own.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     front = rng.uniform(5.2, 8.0)
     at = start
     while at < start + length - 8.0:
@@ -100,7 +118,11 @@ def row(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: 
 
 
 def gardens(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """Small houses behind hedges and fences with gates."""
+    """Small houses behind hedges and fences with gates.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     at = start
     while at < start + length - 12.0:
         width, gap = rng.uniform(9.0, 15.0), rng.uniform(4.0, 12.0)
@@ -118,7 +140,11 @@ def gardens(rng: np.random.Generator, pieces: list[Piece], *, start: float, leng
 
 
 def wall(pieces: list[Piece], start: float, *, length: float, offset: float, half: float, top: float) -> None:
-    """A wall in straight parts, which follows the road."""
+    """A wall in straight parts, which follows the road.
+
+    Args: pieces, the list that it is added to; start [m], the station where it begins; length [m]; offset [m]; half
+    [m], half its thickness; top [m], its height.
+    """
     n = int(np.ceil(length / 8.0))
     part = length / n
     for at in start + part * (np.arange(n) + 0.5):
@@ -126,7 +152,11 @@ def wall(pieces: list[Piece], start: float, *, length: float, offset: float, hal
 
 
 def bare_wall(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """A long smooth wall, which hides nearly all that is behind it."""
+    """A long smooth wall, which hides nearly all that is behind it.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     offset = rng.uniform(3.6, 5.0)
     wall(pieces, start, length=length, offset=offset, half=0.15, top=rng.uniform(2.6, 4.0))
     if rng.random() < 0.5:
@@ -142,7 +172,11 @@ def bare_wall(rng: np.random.Generator, pieces: list[Piece], *, start: float, le
 
 
 def car_park(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """Cars across, a fence, and a hall far behind."""
+    """Cars across, a fence, and a hall far behind.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     for at in np.arange(start + 2.0, start + length - 2.0, 2.7):
         if rng.random() < 0.6:
             turn = np.pi / 2 + rng.normal(0, 0.03)
@@ -154,7 +188,11 @@ def car_park(rng: np.random.Generator, pieces: list[Piece], *, start: float, len
 
 
 def grove(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float) -> None:
-    """Trees in no order, here and there a kiosk."""
+    """Trees in no order, here and there a kiosk.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m].
+    """
     for at in np.arange(start, start + length, 4.0):
         if rng.random() < 0.7:
             tree(rng, pieces, station=at + rng.uniform(0, 3.0), offset=3.4 + rng.exponential(6.0))
@@ -182,7 +220,11 @@ STYLES = {
 
 
 def street(rng: np.random.Generator, pieces: list[Piece], *, start: float, length: float, style: Style) -> None:
-    """Lamps, signs, bins and boxes on the pavement."""
+    """Lamps, signs, bins and boxes on the pavement.
+
+    Args: rng, the source of chance; pieces, the list that it is added to; start [m], the station where it begins;
+    length [m]; style, of the district.
+    """
     at = start + rng.uniform(0, style.lamps[0])
     while at < start + length:
         pole = rng.uniform(0.07, 0.12)

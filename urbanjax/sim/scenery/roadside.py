@@ -6,6 +6,7 @@ import numpy as np
 
 from urbanjax.roadmap.graph import RoadGraph
 
+LEAST_STEP = 1e-6  # m, between two points of a border where consecutive links share one: stations rise
 JOIN = 4.5  # m, over which two borders are one side of the road: a lane more or less
 
 
@@ -32,7 +33,7 @@ class Roadside:
 
 
 def roadsides(graph: RoadGraph) -> list[Roadside]:
-    """All sides: borders without a neighbour beyond, those of consecutive links joined."""
+    """All sides: borders without a neighbour beyond, those of consecutive links joined. Args: graph, the road graph."""
     found = []
     valid, heading = np.asarray(graph.valid), np.asarray(graph.heading, float)
     for border, has, outward in ((graph.left, graph.has_left, 1.0), (graph.right, graph.has_right, -1.0)):
@@ -42,7 +43,7 @@ def roadsides(graph: RoadGraph) -> list[Roadside]:
             position = np.concatenate([points[k] for k in chain])
             turned = np.unwrap(np.concatenate([heading[links[k]] for k in chain]))
             step = np.linalg.norm(np.diff(position, axis=0), axis=1)
-            station = np.concatenate([[0.0], np.cumsum(np.maximum(step, 1e-6))])
+            station = np.concatenate([[0.0], np.cumsum(np.maximum(step, LEAST_STEP))])
             found.append(Roadside(station, position, turned, outward))
     return found
 

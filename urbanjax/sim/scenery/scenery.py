@@ -14,6 +14,11 @@ from urbanjax.sim.scenery.roadside import Roadside, roadsides
 from urbanjax.types import as_arrays, pytree
 
 ZONE = 250.0  # m of roadside for each zone of one style
+AHEAD = 20.0  # m into a plot, where its style is told
+SHORTEST = 15.0  # m, of the last plot of a side
+GAPS = (0.5, 4.0, 9.0)  # m, from one plot to the next
+# How prisms are altered: m that they move, factors of their size in plan and of their height, and m of height left.
+MOVE, SHRINK, GROW, LEAST_HEIGHT = (2.0, 8.0), (0.4, 0.8), (0.5, 1.5), 0.3
 
 
 @pytree
@@ -32,7 +37,8 @@ class Scenery:
 def furnish(graph: RoadGraph, seed: int = 0) -> Scenery:
     """Prisms beside all roads of a graph, none on or close to a lane: about one for 3 m of roadside (host side).
 
-    Zones of different styles, in which both sides of the road are alike (see `plots`). Reproducible by the seed.
+    Zones of different styles, in which both sides of the road are alike (see `plots`). Reproducible by the seed. Args:
+    graph, the road graph; seed, of all that is drawn.
     """
     rng = np.random.default_rng(seed)
     sides = roadsides(graph)
@@ -70,12 +76,12 @@ def _along(side: Roadside, zones: _Zones, rng: np.random.Generator) -> list[Piec
     pieces: list[Piece] = []
     at = 0.0
     while at < side.length:
-        place, _ = side.at(np.array([at + 20.0]), np.array([0.0]))
+        place, _ = side.at(np.array([at + AHEAD]), np.array([0.0]))
         style = zones.style(place[0])
-        length = min(rng.uniform(*style.length), max(side.length - at, 15.0))
+        length = min(rng.uniform(*style.length), max(side.length - at, SHORTEST))
         style.plots[rng.choice(len(style.plots), p=style.weights)](rng, pieces, start=at, length=length)
         street(rng, pieces, start=at, length=length, style=style)
-        at += length + rng.choice([0.5, 4.0, 9.0])
+        at += length + rng.choice(GAPS)
     return pieces
 
 
@@ -105,6 +111,7 @@ def altered(surroundings: Scenery, share: float, *, seed: int = 0) -> Scenery:
     """The surroundings with that share of the prisms changed: a third each removed, moved and resized (host side).
 
     They move 2 to 8 m along their length, which follows the road, and only shrink in plan, so that they stay off it.
+    Args: surroundings, what stands there; share, of its prisms; seed, of what is drawn.
     """
     rng = np.random.default_rng(seed)
     rows: dict[str, Any] = {
@@ -114,9 +121,10 @@ def altered(surroundings: Scenery, share: float, *, seed: int = 0) -> Scenery:
     chosen = rng.permutation(standing)[: round(share * len(standing))]
     removed, moved, resized = np.array_split(chosen, 3)
     rows["valid"][removed] = False
-    way = rng.uniform(2.0, 8.0, len(moved)) * rng.choice([-1, 1], len(moved))
+    way = rng.uniform(*MOVE, len(moved)) * rng.choice([-1, 1], len(moved))
     heading = rows["heading"][moved]
     rows["centre"][moved] += way[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    rows["half"][resized] *= rng.uniform(0.4, 0.8, (len(resized), 2))
-    rows["top"][resized] = np.maximum(rows["bottom"][resized] + 0.3, rows["top"][resized] * rng.uniform(0.5, 1.5))
+    rows["half"][resized] *= rng.uniform(*SHRINK, (len(resized), 2))
+    top = rows["top"][resized] * rng.uniform(*GROW)
+    rows["top"][resized] = np.maximum(rows["bottom"][resized] + LEAST_HEIGHT, top)
     return as_arrays(Scenery(**rows))
