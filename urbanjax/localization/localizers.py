@@ -13,7 +13,10 @@ from urbanjax.types import Observation, ScenarioError
 
 
 class Localizer(NamedTuple):
-    """`init(params, course, pose) -> state` and `step(params, course, state, observation) -> localization, state`."""
+    """Two functions.
+
+    `init(params, course, T_map_body) -> state` and `step(params, course, state, observation) -> localization, state`.
+    """
 
     init: Callable[[LidarLocalizerParams, Course, jaxlie.SE2], Any]
     step: Callable[[LidarLocalizerParams, Course, Any, Observation], tuple[Localization, Any]]
@@ -29,5 +32,5 @@ def _lidar_step(
 
 LOCALIZERS = {
     "given": Localizer(lambda *_: None, lambda params, course, state, observation: (given.step(observation), None)),
-    "lidar": Localizer(lambda params, course, pose: lidar.init(params, pose), _lidar_step),
+    "lidar": Localizer(lambda params, course, T_map_body: lidar.init(params, T_map_body), _lidar_step),
 }

@@ -33,6 +33,7 @@ def likelihood(
     the map's voxels.
     """
     o = jnp.asarray(outlier_share, squared.dtype)
+    # 10 and exp(-1/2) are those of the NDT in PCL.
     c1, c2 = 10 * (1 - o), o / resolution**3
     d3 = -jnp.log(c2)
     d1 = -jnp.log(c1 + c2) - d3

@@ -43,8 +43,8 @@ def road(params: OvertakeParams) -> RoadGraph:
 def sample(key: Array, params: OvertakeParams, *, vehicle: VehicleParams, others: TrafficParams) -> Scenario:
     """A start: the ego in the right lane behind a slow leader, in some starts a vehicle in the left lane.
 
-    Equal keys give equal starts, whatever drives the ego. Args: key, of chance; vehicle, the ego's
-    dimensions; others, how traffic drives.
+    Equal keys give equal starts, whatever drives the ego. Args: key, of chance; vehicle, the ego's dimensions; others,
+    how traffic drives.
     """
     keys = jax.random.split(key, 7)
 
