@@ -50,9 +50,14 @@ def corners(
     return jnp.stack([x + along * cos - across * sin, y + along * sin + across * cos], axis=-1)
 
 
-def _soft_abs(x: Array, width: float | Array) -> Array:
-    """|x|, rounded to a parabola within `width` of 0: at most width/2 above |x|, and once differentiable."""
-    return jnp.where(jnp.abs(x) < width, x * x / (2 * width) + width / 2, jnp.abs(x))
+def _soft_abs(x: Array, width: float | Array, steepness: float | Array) -> Array:
+    """|x|, rounded to a parabola within `width` of 0: at most width/2 above |x|, and once differentiable.
+
+    Args: steepness, 1 / (2 width).
+    """
+    size = jnp.abs(x)
+    missing = jnp.maximum(width - size, 0)
+    return size + missing * missing * steepness
 
 
 def _axis_gaps(a: Box, b: Box, size: Callable[[Array], Array]) -> tuple[Array, Array, Array, Array]:
@@ -76,16 +81,18 @@ def box_gap(a: Box, b: Box) -> Array:
 
 def soft_box_gap(a: Box, b: Box, temperature: float | Array) -> Array:
     """Smooth `box_gap` [m], within [gap - T, gap + T (log 4 + 1/2)] of it. Args: temperature T [m] > 0."""
-    gaps = _axis_gaps(a, b, lambda x: _soft_abs(x, temperature))
+    steepness = 0.5 / temperature
+    gaps = _axis_gaps(a, b, lambda x: _soft_abs(x, temperature, steepness))
     top = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(gaps[0], gaps[1]), jnp.maximum(gaps[2], gaps[3])))
-    return top + temperature * jnp.log(sum(jnp.exp((g - top) / temperature) for g in gaps))
+    first, *others = (jnp.exp((gap - top) / temperature) for gap in gaps)
+    return top + temperature * jnp.log(sum(others, start=first))
 
 
 def relaxed_box_gap(a: Box, b: Box, relaxation: Relaxation, scale: float | Array = 1.0) -> Array:
     """`box_gap` [m] in the relaxation's mode. Args: scale, the difference in gap that counts as clear [m]."""
     if relaxation.mode == "hard":
         return box_gap(a, b)
-    return soft.combine(box_gap(a, b), soft_box_gap(a, b, relaxation.temperature * scale), relaxation)
+    return soft.combine(lambda: box_gap(a, b), lambda: soft_box_gap(a, b, relaxation.temperature * scale), relaxation)
 
 
 def gap(

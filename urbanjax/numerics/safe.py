@@ -11,11 +11,13 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import lean
+
 
 def sqrt(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """Square root of max(x, 0), with derivative 0 at and below 0."""
     positive = x > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1)), 0)
+    return lean.where(positive, jnp.sqrt(lean.where(positive, x, 1.0)), 0.0)
 
 
 def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
@@ -25,8 +27,21 @@ def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
 
 def divide(numerator: Array, denominator: Array, otherwise: float = 0.0) -> Array:
     """Numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
-    zero = denominator == 0
-    return jnp.where(zero, otherwise, numerator / jnp.where(zero, 1, denominator))
+    usual = denominator != 0
+    quotient = numerator / lean.where(usual, denominator, 1.0)
+    return lean.where(jnp.broadcast_to(usual, quotient.shape), quotient, otherwise)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
+def within(x: Float[Array, "*s"], low: float, high: float) -> Float[Array, "*s"]:
+    """X held within [low, high], with derivative 1 at both ends (where `clip` has a half)."""
+    return lean.clip(x, low, high)
+
+
+@within.defjvp
+def _within_jvp(low: float, high: float, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    (x,), (change,) = primals, tangents
+    return within(x, low, high), lean.where((x >= low) & (x <= high), change, 0.0)
 
 
 def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
@@ -43,7 +58,7 @@ def arctan(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """
     if x.dtype != jnp.float32:
         return jnp.arctan(x)
-    x = jnp.clip(x, -1e9, 1e9)  # the squares would overflow, and the angle has long been pi / 2
+    x = lean.clip(x, -1e9, 1e9)  # the squares would overflow, and the angle has long been pi / 2
     half = x / (1 + jnp.sqrt(1 + x * x))
     quarter = half / (1 + jnp.sqrt(1 + half * half))
     square = quarter * quarter

@@ -9,12 +9,14 @@ A choice is returned as *weights* or as a *degree* in [0, 1], and its consequenc
 - `straight_through`: value of `hard`, derivative of `soft`; biased, but what deployment-like tuning wants.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.types import ConfigError, pytree, static
 
 MODES = ("hard", "soft", "straight_through")
@@ -28,19 +30,23 @@ class Relaxation:
     mode: str = static(default="hard", metadata={"choices": MODES})
 
 
-def combine(hard: Array, soft: Array, relaxation: Relaxation) -> Array:
-    """What the mode makes of a decision and its smooth twin, of equal shapes; `hard` passes no gradient."""
+def combine(hard: Callable[[], Array], soft: Callable[[], Array], relaxation: Relaxation) -> Array:
+    """What the mode makes of a decision and its smooth twin, of equal shapes; `hard` passes no gradient.
+
+    Both are functions without arguments, so that a mode computes only what it needs.
+    """
     if relaxation.mode == "hard":
-        return jax.lax.stop_gradient(hard)
+        return jax.lax.stop_gradient(hard())
     if relaxation.mode == "soft":
-        return soft
+        return soft()
     if relaxation.mode == "straight_through":
-        return jax.lax.stop_gradient(hard) + (soft - jax.lax.stop_gradient(soft))
+        smooth = soft()
+        return jax.lax.stop_gradient(hard()) + (smooth - jax.lax.stop_gradient(smooth))
     raise ConfigError(f"relaxation.mode is {relaxation.mode!r}: use one of {', '.join(MODES)}")
 
 
 def _masked(values: Array, mask: Array | None, fill: float) -> Array:
-    return values if mask is None else jnp.where(mask, values, fill)
+    return values if mask is None else lean.where(jnp.broadcast_to(mask, values.shape), values, fill)
 
 
 def choose(
@@ -55,22 +61,26 @@ def choose(
     allowed the weights fall on index 0 (hard) or are uniform (soft): the caller looks at the mask.
     """
     big = float(jnp.finfo(cost.dtype).max) / 4
-    hard = jax.nn.one_hot(jnp.argmin(_masked(cost, mask, big), axis=-1), cost.shape[-1], dtype=cost.dtype)
-    if relaxation.mode == "hard":
-        return hard
-    # Masked after the division, which would overflow and leave no finite derivative by the temperature.
-    logits = _masked(-cost / (relaxation.temperature * scale), mask, -big)
-    return combine(hard, jax.nn.softmax(logits, axis=-1), relaxation)
+
+    def first() -> Array:
+        return jax.nn.one_hot(jnp.argmin(_masked(cost, mask, big), axis=-1), cost.shape[-1], dtype=cost.dtype)
+
+    def smooth() -> Array:
+        # Masked after the division, which would overflow and leave no finite derivative by the temperature.
+        return jax.nn.softmax(_masked(-cost / (relaxation.temperature * scale), mask, -big), axis=-1)
+
+    return combine(first, smooth, relaxation)
 
 
 def above(
     x: Float[Array, "*s"], threshold: float | Array, relaxation: Relaxation, scale: float | Array = 1.0
 ) -> Float[Array, "*s"]:
     """Degree in [0, 1] to which x > threshold. Args: scale, the margin that counts as clear, in the unit of x."""
-    hard = (x > threshold).astype(x.dtype)
-    if relaxation.mode == "hard":
-        return hard
-    return combine(hard, jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)), relaxation)
+    return combine(
+        lambda: (x > threshold).astype(x.dtype),
+        lambda: jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)),
+        relaxation,
+    )
 
 
 def minimum(
@@ -85,11 +95,15 @@ def minimum(
     `fill` stands in for masked entries, and is the value when all are masked.
     """
     masked = _masked(values, mask, fill)
-    hard = safe.minimum(masked)
     if relaxation.mode == "hard":
-        return hard
-    t = relaxation.temperature * scale
-    return combine(hard, -t * jax.nn.logsumexp(-masked / t, axis=-1), relaxation)
+        return safe.minimum(masked)
+
+    def smooth() -> Array:
+        t = relaxation.temperature * scale
+        least = jax.lax.stop_gradient(jnp.min(masked, axis=-1))
+        return least - t * jnp.log(jnp.sum(jnp.exp((least[..., None] - masked) / t), axis=-1))
+
+    return combine(lambda: safe.minimum(masked), smooth, relaxation)
 
 
 def both(a: Array, b: Array) -> Array:
