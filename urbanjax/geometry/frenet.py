@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Int
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.types import pytree
 
 
@@ -21,39 +21,115 @@ class Reference:
     curvature: Array  # [*q] 1/m
 
 
+@pytree
+class Line:
+    """A reference line and C quantities along it at uniform stations, in one table: look-ups cost by their number."""
+
+    rows: Array  # [n, 3 + C] x, y (m), heading (rad, unwrapped), and what else there is
+    start: float | Array  # [] m, the first station
+    spacing: float | Array  # [] m
+
+
+@pytree
+class Place:
+    """Where stations lie between two rows of a table."""
+
+    before: Array  # [*q, 3 + C], the row at or before the station
+    after: Array  # [*q, 3 + C], the next one
+    fraction: Array  # [*q] 0 to 1, of the way between them
+    beyond: Array  # [*q] m past an end of the table, signed
+    spacing: float | Array  # m between the two, [] or [*q]
+
+    @property
+    def bend(self) -> Array:
+        """Change of the heading by station [*q] rad/m; beyond an end 0."""
+        turn = (self.after[..., 2] - self.before[..., 2]) / self.spacing
+        return lean.where(self.beyond == 0, turn, 0.0)
+
+    @property
+    def nearest(self) -> Array:
+        """The nearer of the two rows [*q, 3 + C]."""
+        later = jnp.broadcast_to(self.fraction[..., None] > 0.5, self.after.shape)
+        return lean.where(later, self.after, self.before)
+
+
+@pytree
+class Reading:
+    """What a table says of places."""
+
+    x: Array  # [*q] m
+    y: Array  # [*q] m
+    heading: Array  # [*q] rad
+    cos: Array  # [*q] of the heading
+    sin: Array  # [*q]
+    others: Array  # [*q, C], what else there is
+
+    @property
+    def position(self) -> Array:
+        """Points [*q, 2] m."""
+        return jnp.stack([self.x, self.y], axis=-1)
+
+
+def tabulated(
+    position: Float[Array, "n 2"],
+    heading: Float[Array, "n"],
+    *others: Float[Array, "n"] | Float[Array, "n _"],
+    start: float | Float[Array, ""],
+    spacing: float | Float[Array, ""],
+) -> Line:
+    """The table of a line from its position (m) and heading (rad, unwrapped), and of what is read with them."""
+    columns = [x if x.ndim == 2 else x[:, None] for x in (position, heading, *others)]
+    return Line(jnp.concatenate(columns, axis=1), start, spacing)
+
+
 def cell(
-    start: float | Float[Array, ""], spacing: float | Float[Array, ""], n: int, station: Float[Array, "*q"]
+    start: float | Float[Array, ""], spacing: float | Float[Array, "..."], n: int, station: Float[Array, "*q"]
 ) -> tuple[Int[Array, "*q"], Float[Array, "*q"], Float[Array, "*q"]]:
     """Interval of the grid at each station (0 to n - 2), fraction within it (0 to 1), and metres beyond an end, signed.
 
     Args: start, first station [m]; spacing [m]; n, number of grid stations; station [m].
     """
     steps = (station - start) / spacing
-    inside = jnp.clip(steps, 0, n - 1)
-    index = jnp.clip(jnp.floor(inside).astype(int), 0, n - 2)
-    return index, inside - index, (steps - inside) * spacing
+    inside = safe.within(steps, 0.0, n - 1.0)
+    index = lean.clip(inside.astype(jnp.int32), 0, n - 2)
+    return index, inside - index.astype(inside.dtype), (steps - inside) * spacing
 
 
-def linear(values: Float[Array, "n *c"], index: Int[Array, "*q"], fraction: Float[Array, "*q"]) -> Float[Array, "..."]:
-    """Values [*q, *c] between grid rows index and index + 1."""
-    weight = fraction.reshape(fraction.shape + (1,) * (values.ndim - 1))
-    return values[index] * (1 - weight) + values[index + 1] * weight
+def locate(line: Line, station: Float[Array, "*q"]) -> Place:
+    """Where stations [m] lie on a line."""
+    index, fraction, beyond = cell(line.start, line.spacing, line.rows.shape[0], station)
+    return Place(lean.rows(line.rows, index), lean.rows(line.rows, index + 1), fraction, beyond, line.spacing)
 
 
-def hermite(
-    position: Float[Array, "n 2"],
-    heading: Float[Array, "n"],
-    spacing: float,
-    index: Int[Array, "*q"],
-    fraction: Float[Array, "*q"],
-) -> Float[Array, "*q 2"]:
-    """Positions [m] on the cubic Hermite curve between grid rows index and index + 1."""
-    f = fraction[..., None]
-    angle_0, angle_1 = heading[index], heading[index + 1]
-    tangent_0 = spacing * jnp.stack([jnp.cos(angle_0), jnp.sin(angle_0)], axis=-1)
-    tangent_1 = spacing * jnp.stack([jnp.cos(angle_1), jnp.sin(angle_1)], axis=-1)
-    end = f * f * (3 - 2 * f)
-    return (1 - end) * position[index] + end * position[index + 1] + f * (1 - f) * ((1 - f) * tangent_0 - f * tangent_1)
+def read(place: Place) -> Reading:
+    """The line at places: the cubic Hermite curve of positions and headings, all else linear; straight on beyond."""
+    f = place.fraction
+    mixed = linear(place.before, place.after, f)
+    heading = mixed[..., 2]
+    cos, sin = jnp.cos(heading), jnp.sin(heading)
+    (x0, y0, angle0), (x1, y1, angle1) = (jnp.unstack(row[..., :3], axis=-1) for row in (place.before, place.after))
+    rest, end = 1 - f, polynomial.smoothstep(f)
+    begin, reach = 1 - end, place.spacing * f * rest
+
+    def along(value0: Array, value1: Array, slope0: Array, slope1: Array, direction: Array) -> Array:
+        return begin * value0 + end * value1 + reach * (rest * slope0 - f * slope1) + place.beyond * direction
+
+    return Reading(
+        x=along(x0, x1, jnp.cos(angle0), jnp.cos(angle1), cos),
+        y=along(y0, y1, jnp.sin(angle0), jnp.sin(angle1), sin),
+        heading=heading,
+        cos=cos,
+        sin=sin,
+        others=mixed[..., 3:],
+    )
+
+
+def linear(
+    before: Float[Array, "*q c"], after: Float[Array, "*q c"], fraction: Float[Array, "*q"]
+) -> Float[Array, "*q c"]:
+    """Rows between two others."""
+    weight = fraction[..., None]
+    return before * (1 - weight) + after * weight
 
 
 def sample(
@@ -68,18 +144,22 @@ def sample(
 
     Args: position [m], heading [rad, unwrapped] and curvature [1/m] at stations start + spacing * k [m]; station [m].
     """
-    index, fraction, beyond = cell(start, spacing, position.shape[0], station)
-    angle = linear(heading, index, fraction)
-    on_curve = hermite(position, heading, spacing, index, fraction)
-    straight = beyond[..., None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
-    fade = jnp.maximum(1 - jnp.abs(beyond) / spacing, 0)
-    return Reference(on_curve + straight, angle, fade * linear(curvature, index, fraction))
+    place = locate(tabulated(position, heading, curvature, start=start, spacing=spacing), station)
+    at = read(place)
+    fade = jnp.maximum(1 - jnp.abs(place.beyond) / spacing, 0)
+    return Reference(at.position, at.heading, fade * at.others[..., 0])
+
+
+def scale(curvature: Array, offset: Array, least: float) -> Array:
+    """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than `least`."""
+    return jnp.maximum(1 - curvature * offset, least)
 
 
 def to_world(reference: Reference, offset: Float[Array, "*q"]) -> Float[Array, "*q 2"]:
     """Positions [m] at a lateral offset [m] from the reference line, left positive."""
-    normal = jnp.stack([-jnp.sin(reference.heading), jnp.cos(reference.heading)], axis=-1)
-    return reference.position + offset[..., None] * normal
+    x, y = jnp.unstack(reference.position, axis=-1)
+    cos, sin = jnp.cos(reference.heading), jnp.sin(reference.heading)
+    return jnp.stack([x - offset * sin, y + offset * cos], axis=-1)
 
 
 def offset_curve(
@@ -101,11 +181,11 @@ def offset_curve(
     Args: heading [rad] and curvature [1/m] of the reference; offset d [m]; slope d' [-]; bend d'' [1/m];
     curvature_slope kappa_r' [1/m^2], 0 if not given.
     """
-    scale = jnp.maximum(1 - curvature * offset, min_scale)
+    size = scale(curvature, offset, min_scale)
     twist = curvature * slope if curvature_slope is None else curvature * slope + curvature_slope * offset
-    length = safe.sqrt(scale * scale + slope * slope)  # of the offset curve per metre of reference
-    cos, tan = scale / length, slope / scale
-    bent = ((bend + twist * tan) * cos * cos / scale + curvature) * cos / scale
+    length = safe.sqrt(size * size + slope * slope)  # of the offset curve per metre of reference
+    cos, tan = size / length, slope / size
+    bent = ((bend + twist * tan) * cos * cos / size + curvature) * cos / size
     return heading + safe.arctan(tan), bent
 
 
@@ -113,5 +193,5 @@ def offset_length(
     curvature: Float[Array, "*q"], offset: Float[Array, "*q"], slope: Float[Array, "*q"]
 ) -> Float[Array, "*q"]:
     """Metres of the offset curve per metre of reference line, sqrt((1 - kappa d)^2 + d'^2)."""
-    scale = 1 - curvature * offset
-    return safe.sqrt(scale * scale + slope * slope)
+    size = 1 - curvature * offset
+    return safe.sqrt(size * size + slope * slope)

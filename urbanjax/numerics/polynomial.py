@@ -1,4 +1,4 @@
-"""Quintic polynomials between two states, in closed form."""
+"""Polynomials in closed form: quintics between two states, and steps from 0 to 1."""
 
 import jax.numpy as jnp
 from jax import Array
@@ -26,6 +26,16 @@ def quintic(
         (-15 * d + 7 * v - a) / t**4,
         (6 * d - 3 * v + 0.5 * a) / t**5,
     )
+
+
+def smoothstep(u: Array) -> Array:
+    """The cubic that rises from 0 to 1 with u, flat at both ends."""
+    return u * u * (3 - 2 * u)
+
+
+def smoother_step(u: Array) -> Array:
+    """The quintic that rises from 0 to 1 with u, flat and straight at both ends."""
+    return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
 def evaluate(coefficients: tuple[Array, ...], t: Array) -> tuple[Array, Array, Array]:

@@ -1,10 +1,12 @@
 """The lanes along a plan's stations, as numbers that vary continuously with the station."""
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float, Int
 
-from urbanjax.planning.basis import interpolate
+from urbanjax.geometry import frenet
+from urbanjax.numerics import lean
 from urbanjax.roadmap.corridor import Corridor, Sample, sample
 from urbanjax.types import pytree
 
@@ -30,8 +32,9 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
     road: Sample = sample(window, station)
     lanes = window.has_lane.shape[-1]
     flags = jnp.concatenate([window.has_lane, window.oncoming, window.change], axis=-1).astype(station.dtype)
-    start, spacing = window.station[0], window.station[1] - window.station[0]
-    degrees = interpolate(jnp.minimum(station, window.length), start, spacing, flags)
+    start, within = window.station[0], jnp.minimum(station, window.length)
+    index, fraction, _ = frenet.cell(start, window.spacing, flags.shape[0], within)
+    degrees = frenet.linear(lean.rows(flags, index), lean.rows(flags, index + 1), fraction)
     closed = 1 - degrees[:, 2 * lanes :]
     left = jnp.cumsum(closed[:, lanes // 2 :], axis=-1)
     right = jnp.cumsum(closed[:, : lanes // 2][:, ::-1], axis=-1)[:, ::-1]
@@ -64,15 +67,15 @@ def boundaries(road: CrossSections) -> Float[Array, "n e"]:
     return (right + left) / 2
 
 
-def bars(road: CrossSections, start: Int[Array, "s"], end: Int[Array, "e"]) -> Float[Array, "n s e"]:
+def bars(road: CrossSections, start: Int[np.ndarray, "s"], end: Int[np.ndarray, "e"]) -> Float[Array, "n s e"]:
     """Degree to which the way from lane to lane is barred, [n, S, E]: outwards over a line that may not be crossed.
 
     Back towards the route's lane the way is free. Args: start [S], end [E], lanes across.
     """
     middle = road.lane_offset.shape[1] // 2
     same_side = (start[:, None] - middle) * (end[None, :] - middle) >= 0
-    passed = jnp.where(same_side[None], road.barred[:, start][:, :, None], 0)
-    return jnp.clip(road.barred[:, end][:, None, :] - passed, 0, 1)
+    passed = road.barred[:, start][:, :, None] * same_side[None].astype(road.barred.dtype)
+    return lean.clip(road.barred[:, end][:, None, :] - passed, 0.0, 1.0)
 
 
 def drivable(road: CrossSections) -> tuple[Float[Array, "n"], Float[Array, "n"]]:

@@ -7,7 +7,7 @@ each other, and curves that meet with equal (d, d', d'') meet with equal curvatu
 import jax.numpy as jnp
 from jax import Array
 
-from urbanjax.geometry.frenet import offset_curve
+from urbanjax.geometry.frenet import offset_curve, scale
 
 MIN_SCALE = 0.2  # of 1 - kappa d: an offset curve does not come nearer to the reference's centre of curvature
 
@@ -27,7 +27,7 @@ def from_plane(kappa: Array, offset: Array, tangent: Array, curvature: Array) ->
 
     Args: kappa of the reference (1/m), offset d (m), tangent of the heading from the reference's, curvature (1/m).
     """
-    scale = jnp.maximum(1 - kappa * offset, MIN_SCALE)
-    slope = tangent * scale
+    size = scale(kappa, offset, MIN_SCALE)
+    slope = tangent * size
     cosine = 1 / jnp.sqrt(1 + tangent * tangent)
-    return slope, (curvature * scale / cosine - kappa) * scale / cosine**2 - kappa * slope * tangent
+    return slope, (curvature * size / cosine - kappa) * size / cosine**2 - kappa * slope * tangent

@@ -7,7 +7,7 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.geometry import frenet
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.roadmap.across import LanesAcross, lanes_across
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.reference import ReferenceRow, Walk, rows, unwrapped, walk
@@ -15,6 +15,7 @@ from urbanjax.roadmap.route import Route
 from urbanjax.types import RoadError, pytree, static
 
 AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
+SEARCH_STEPS = 3  # of Newton's method, before the two that are differentiated
 LATER = 1e-4  # m^2 per m of station, likewise: of several laps the first one counts
 
 
@@ -81,13 +82,9 @@ class Sample:
     curvature: Array  # [*n] 1/m
     lane_offset: Array  # [*n, Q] m
     lane_width: Array  # [*n, Q] m
-    lane_link: Array  # [*n, Q] int32
     has_lane: Array  # [*n, Q] bool
     oncoming: Array  # [*n, Q] bool
-    change: Array  # [*n, Q - 1] bool
     speed_limit: Array  # [*n] m/s
-    turn: Array  # [*n] int32
-    valid: Array  # [*n] bool
 
 
 @pytree
@@ -214,26 +211,26 @@ def window(corridor: Corridor, station: Float[Array, ""], params: WindowParams) 
 def sample(corridor: Corridor, station: Float[Array, "*n"]) -> Sample:
     """The corridor at any stations [m].
 
-    Position, heading, curvature, offsets, widths and speed limit are continuous in the station; links, flags and turns
-    are those of the nearest row. Beyond the table the reference line goes straight on and the lanes beside it.
+    Position, heading, curvature, offsets, widths and speed limit are continuous in the station; flags are those of the
+    nearest row. Beyond the table the reference line goes straight on and the lanes beside it.
     """
-    i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, corridor.station.shape[0], station)
-    heading = frenet.linear(corridor.heading, i, f)
-    straight = beyond[..., None] * jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
-    k = i + (f > 0.5)
+    flags = jnp.concatenate([corridor.has_lane, corridor.oncoming], axis=-1).astype(station.dtype)
+    columns = (corridor.lane_offset, corridor.lane_width, corridor.curvature, corridor.speed_limit, flags)
+    place = frenet.locate(_line(corridor, *columns), station)
+    at, lanes = frenet.read(place), corridor.lane_offset.shape[-1]
+    lane_offset, lane_width, curvature, limit, _ = jnp.split(
+        at.others, (lanes, 2 * lanes, 2 * lanes + 1, 2 * lanes + 2), axis=-1
+    )
+    has_lane, oncoming = jnp.split(place.nearest[..., -2 * lanes :] > 0.5, 2, axis=-1)
     return Sample(
-        position=frenet.hermite(corridor.position, corridor.heading, corridor.spacing, i, f) + straight,
-        heading=heading,
-        curvature=frenet.linear(corridor.curvature, i, f),
-        lane_offset=frenet.linear(corridor.lane_offset, i, f),
-        lane_width=frenet.linear(corridor.lane_width, i, f),
-        lane_link=corridor.lane_link[k],
-        has_lane=corridor.has_lane[k],
-        oncoming=corridor.oncoming[k],
-        change=corridor.change[k],
-        speed_limit=frenet.linear(corridor.speed_limit, i, f),
-        turn=corridor.turn[k],
-        valid=corridor.valid[k],
+        position=at.position,
+        heading=at.heading,
+        curvature=curvature[..., 0],
+        lane_offset=lane_offset,
+        lane_width=lane_width,
+        has_lane=has_lane,
+        oncoming=oncoming,
+        speed_limit=limit[..., 0],
     )
 
 
@@ -252,8 +249,7 @@ def to_world(
     at = frenet.sample(
         corridor.position, corridor.heading, corridor.curvature, corridor.station[0], corridor.spacing, station
     )
-    scale = jnp.maximum(1 - at.curvature * offset, 0.1)
-    return frenet.to_world(at, offset), at.heading, at.curvature / scale
+    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, 0.1)
 
 
 def progress(corridor: Corridor, position: Float[Array, "2"], heading: Float[Array, ""]) -> Progress:
@@ -264,29 +260,32 @@ def progress(corridor: Corridor, position: Float[Array, "2"], heading: Float[Arr
     first one is taken. Continuous and differentiable in the pose up to the centre of curvature; the choice of the
     starting station is not differentiated.
     """
-    nodes, last = corridor.position, corridor.station.shape[0] - 1
-    miss = (position[0] - nodes[:, 0]) ** 2 + (position[1] - nodes[:, 1]) ** 2
+    line, last = _line(corridor), corridor.station.shape[0] - 1
+    x, y = position
+    miss = (x - corridor.position[:, 0]) ** 2 + (y - corridor.position[:, 1]) ** 2
     miss = miss + LATER * (corridor.station - corridor.station[0])
     k = jnp.argmin(miss + AGAINST * (1 - jnp.cos(heading - corridor.heading)))
     reach = 3 * corridor.spacing  # off a bend's inner side Newton's method may not run away along the road
     station = corridor.station[k]
     low = jnp.where(k == 0, -jnp.inf, station - reach)
     high = jnp.where(k == last, jnp.inf, station + reach)
-    for iteration in range(5):
-        if iteration < 3:  # the last two carry the exact derivative
-            station = lax.stop_gradient(station)
-        i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, last + 1, station)
-        bend = jnp.where(beyond == 0, (corridor.heading[i + 1] - corridor.heading[i]) / corridor.spacing, 0)
-        along, aside, _ = _seen_from(corridor, i, f, beyond, position)
-        station = jnp.clip(station + along / jnp.maximum(1 - bend * aside, 0.2), low, high)
-    i, f, beyond = frenet.cell(corridor.station[0], corridor.spacing, last + 1, station)
-    _, offset, angle = _seen_from(corridor, i, f, beyond, position)
-    return Progress(station, offset, safe.wrap_angle(heading - angle))
+
+    # A loop, and not so many repeats of its equations; the last round reads off the result.
+    def improve(iteration: Array, now: tuple[Array, Progress]) -> tuple[Array, Progress]:
+        station, _ = now
+        # Two steps of Newton's method carry the exact derivative.
+        station = jnp.where(iteration < SEARCH_STEPS, lax.stop_gradient(station), station)
+        place = frenet.locate(line, station)
+        at = frenet.read(place)
+        along, aside = at.cos * (x - at.x) + at.sin * (y - at.y), at.cos * (y - at.y) - at.sin * (x - at.x)
+        following = station + along / frenet.scale(place.bend, aside, 0.2)
+        return lean.clip(following, low, high), Progress(station, aside, at.heading)
+
+    _, found = lax.fori_loop(0, SEARCH_STEPS + 3, improve, (station, Progress(station, station, station)))
+    return found.replace(heading_error=safe.wrap_angle(heading - found.heading_error))
 
 
-def _seen_from(corridor: Corridor, i: Array, f: Array, beyond: Array, position: Array) -> tuple[Array, Array, Array]:
-    """Distance of a position along and to the left of the reference line's direction at one place, and its heading."""
-    angle = frenet.linear(corridor.heading, i, f)
-    cos, sin = jnp.cos(angle), jnp.sin(angle)
-    away = position - frenet.hermite(corridor.position, corridor.heading, corridor.spacing, i, f)
-    return cos * away[0] + sin * away[1] - beyond, cos * away[1] - sin * away[0], angle
+def _line(corridor: Corridor, *others: Array) -> frenet.Line:
+    """The reference line as a table, with what else is to be read along it."""
+    start = corridor.station[0]
+    return frenet.tabulated(corridor.position, corridor.heading, *others, start=start, spacing=corridor.spacing)

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.numerics import safe
+from urbanjax.geometry import frenet
+from urbanjax.numerics import lean, safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import pytree
 
@@ -56,38 +57,23 @@ def _nodes(graph: RoadGraph, link: Array) -> tuple[Array, Array, Array]:
     With it the length [l] of its links, and the row of each query; few queries get a table of their own links only.
     """
     own = link.ravel()
+    fields, row = (graph.centre, graph.left, graph.right, graph.heading, graph.curvature, graph.length), link
     if own.size < graph.length.shape[0]:
-        centre, left, right, heading, curvature, length = (
-            x[own] for x in (graph.centre, graph.left, graph.right, graph.heading, graph.curvature, graph.length)
-        )
-        row = jnp.arange(own.size).reshape(link.shape)
-    else:
-        centre, left, right, heading, curvature = graph.centre, graph.left, graph.right, graph.heading, graph.curvature
-        length, row = graph.length, link
-    width = safe.norm(left - right)
-    return jnp.concatenate([centre, *(x[..., None] for x in (heading, curvature, width))], axis=-1), length, row
+        fields = tuple(lean.rows(x, own) for x in fields)
+        row = jnp.arange(own.size, dtype=jnp.int32).reshape(link.shape)
+    centre, left, right, heading, curvature, length = fields
+    beside = (heading, curvature, safe.norm(left - right))
+    return jnp.concatenate([centre, *(x[..., None] for x in beside)], axis=-1), length, row
 
 
 def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoint:
     n_points = nodes.shape[1]
-    step = length[link] / (n_points - 1)
-    steps = station / step
-    inside = jnp.clip(steps, 0, n_points - 1)
-    k = jnp.clip(jnp.floor(inside).astype(int), 0, n_points - 2)
-    f = (inside - k)[..., None]
-    rows = nodes.reshape(-1, nodes.shape[-1])
-    a, b = rows[link * n_points + k], rows[link * n_points + k + 1]
-    mixed = a * (1 - f) + b * f
-    heading = mixed[..., 2]
-
-    def direction(angle: Array) -> Array:
-        return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
-
-    end = f * f * (3 - 2 * f)
-    bend = f * (1 - f) * ((1 - f) * direction(a[..., 2]) - f * direction(b[..., 2]))
-    position = (1 - end) * a[..., :2] + end * b[..., :2] + step[..., None] * bend
-    beyond = (steps - inside) * step
-    return LinkPoint(position + beyond[..., None] * direction(heading), heading, mixed[..., 3], mixed[..., 4])
+    step = lean.rows(length, link) / (n_points - 1)
+    index, fraction, beyond = frenet.cell(0.0, step, n_points, station)
+    rows, first = nodes.reshape(-1, nodes.shape[-1]), link * n_points + index
+    at = frenet.read(frenet.Place(lean.rows(rows, first), lean.rows(rows, first + 1), fraction, beyond, step))
+    curvature, width = jnp.unstack(at.others, axis=-1)
+    return LinkPoint(at.position, at.heading, curvature, width)
 
 
 def foot(
@@ -130,7 +116,7 @@ def project(
 
     The station stays within the ends of the link; differentiable in the position.
     """
-    table = _nodes(graph, link)
+    table, end = _nodes(graph, link), graph.length[link]
 
     def improve(_: Any, now: tuple[Array, Projected]) -> tuple[Array, Projected]:
         station, _ = now
@@ -139,8 +125,8 @@ def project(
         x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
         along, aside = cos * x + sin * y, cos * y - sin * x
         found = Projected(station, aside, point.heading, safe.sqrt(along**2 + aside**2))
-        step = along / jnp.maximum(1 - point.curvature * aside, 0.2)
-        return jnp.clip(station + step, 0, graph.length[link]), found
+        step = along / frenet.scale(point.curvature, aside, 0.2)
+        return lean.clip(station + step, 0.0, end), found
 
     return lax.fori_loop(0, iterations, improve, (guess, Projected(guess, guess, guess, guess)))[1]
 
