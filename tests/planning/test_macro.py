@@ -168,8 +168,9 @@ def costs(window, progress, state, prediction, vehicle, params, relaxation):
     layers = lattice.build(road, speed, jnp.concatenate([0 * found.time[:1], found.time]), params.nodes_per_lane)
     room, previous = found.node_clearance, nothing(params.n_layers)
     nodes, _ = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
-    start, _ = lattice.start_terms(layers, progress.offset, vehicle, params.weights, relaxation)
-    edges, _ = lattice.edge_terms(layers, vehicle, params.weights, relaxation)
+    ways = lattice.ways(layers, progress.offset, vehicle)
+    start, _ = lattice.start_terms(layers, ways, progress.offset, params.weights, relaxation)
+    edges, _ = lattice.edge_terms(layers, ways, vehicle, params.weights, relaxation)
     node = sum(nodes.values())
     return found, sum(start.values()) + node[0], sum(edges.values()) + node[1:, None, :]
 

@@ -88,8 +88,9 @@ def plan(
     follower = followers(state, prediction, vehicle, params.clearance, relaxation)
     room = lattice.clearance(layers, prediction, follower, vehicle, params.clearance, relaxation)
     nodes, node_bad = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
-    start, start_bad = lattice.start_terms(layers, progress.offset, vehicle, params.weights, relaxation)
-    edges, edge_bad = lattice.edge_terms(layers, vehicle, params.weights, relaxation)
+    ways = lattice.ways(layers, progress.offset, vehicle)
+    start, start_bad = lattice.start_terms(layers, ways, progress.offset, params.weights, relaxation)
+    edges, edge_bad = lattice.edge_terms(layers, ways, vehicle, params.weights, relaxation)
 
     node_cost = functools.reduce(operator.add, nodes.values())
     start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]

@@ -17,6 +17,7 @@ from jax import Array
 from jaxtyping import Float
 from numpy.polynomial import Polynomial
 
+from urbanjax.geometry.frenet import scale
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.cross_section import CrossSections, drivable
@@ -83,7 +84,7 @@ QUINTIC, CORNER = _quintic(), _corner()
 
 def fine_stations(station: Float[Array, "s"], profile: EdgeProfile) -> Float[Array, "n"]:
     """Stations [1 + (S - 1)(P - 1)] (m) of all shares of the steps between layers [S] (m), each once."""
-    shares = jnp.asarray(profile.shares[1:], station.dtype)[None, :]
+    shares = profile.shares[None, 1:].astype(station.dtype)
     inner = station[:-1, None] * (1 - shares) + station[1:, None] * shares
     return jnp.concatenate([station[:1], inner.ravel()])
 
@@ -119,23 +120,28 @@ def join(
     Args: offset (m) and slope d' of the nodes [e, M] at the start and [e, K] at the end.
     """
     spacing, half = steps.spacing[:, None, None], vehicle.width / 2
-    change = ((steps.curvature[:, -1] - steps.curvature[:, 0]) / steps.spacing)[:, None, None]
+    change = ((steps.curvature[:, -1:] - steps.curvature[:, :1]) / steps.spacing[:, None])[:, :, None]
+    powers = jnp.stack([jnp.ones_like(spacing), spacing, spacing * spacing])[:, None]
 
-    def part(k: int, p: int, end: int) -> Array:
-        """What the nodes of one end contribute to value, slope or bend at one share, [e, M]."""
-        weight, turn = profile.basis[k, p, end], profile.basis[k, p, end + 2]
-        return (weight * offset[end] + turn * spacing[..., 0] * slope[end]) / spacing[..., 0] ** k
+    def parts(end: int, nodes: tuple[int, ...]) -> list[tuple[Array, ...]]:
+        """What the nodes of one end contribute to value, slope and bend, [3][P] arrays of the shape `nodes`."""
+        weight, turn = (profile.basis[:, :, i, None, None, None].astype(spacing.dtype) for i in (end, end + 2))
+        place, lean = (x.reshape(1, 1, *nodes) for x in (offset[end], slope[end] * steps.spacing[:, None]))
+        return [jnp.unstack(x) for x in jnp.unstack((weight * place + turn * lean) / powers)]
+
+    starts, ends = parts(0, (*offset[0].shape, 1)), parts(1, (len(offset[1]), 1, offset[1].shape[1]))
+    road = [jnp.unstack(x[:, :, None, None], axis=1) for x in (steps.curvature, steps.left, steps.right)]
 
     def at(p: int) -> Edges:
         """All edges at one share, lengths as rates."""
-        value, rise, bend = (part(k, p, 0)[:, :, None] + part(k, p, 1)[:, None, :] for k in range(3))
-        kappa, left, right = (x[:, p, None, None] for x in (steps.curvature, steps.left, steps.right))
-        scale = jnp.maximum(1 - kappa * value, MIN_SCALE)
-        squared = scale * scale + rise * rise
+        value, rise, bend = (starts[k][p] + ends[k][p] for k in range(3))
+        kappa, left, right = (x[p] for x in road)
+        size = scale(kappa, value, MIN_SCALE)
+        squared = size * size + rise * rise
         rate = jnp.sqrt(squared)
         # That of `geometry.frenet.offset_curve`, with one division for its five: there are many edges.
         twist = (kappa * rise + change * value) * rise
-        sharp = (bend * scale + twist + kappa * squared) / (squared * rate)
+        sharp = (bend * size + twist + kappa * squared) / (squared * rate)
         outside = jnp.maximum(value - left, right - value) + half
         return Edges(detour=rate - 1, curvature=jnp.abs(sharp), bending=rate * sharp * sharp, outside=outside)
 
@@ -143,7 +149,8 @@ def join(
     found = [at(p) for p in range(profile.shares.size)]
 
     def integral(name: str) -> Array:
-        return sum(w * getattr(x, name) for w, x in zip(profile.weights, found, strict=True)) * spacing
+        first, *others = (w * getattr(x, name) for w, x in zip(profile.weights, found, strict=True))
+        return sum(others, start=first) * spacing
 
     def greatest(name: str) -> Array:
         return functools.reduce(jnp.maximum, (getattr(x, name) for x in found))

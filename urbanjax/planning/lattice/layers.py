@@ -2,15 +2,17 @@
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+import numpy as np
+from jax import Array, lax
 from jaxtyping import Float, Int
 
+from urbanjax.geometry import frenet
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
-from urbanjax.planning.lattice.edges import CORNER, EdgeLimits, Steps, join, layers_of, refused, sharpest, steps_along
+from urbanjax.planning.lattice.edges import CORNER, EdgeLimits, Edges, Steps, join, layers_of, refused, sharpest, steps_along
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
@@ -59,7 +61,7 @@ class Lattice:
     """Nodes in S layers of M = Q * r, from right to left, with the road and the assumed profile at each layer."""
 
     offset: Array  # [S, M] m
-    lane: Array  # [M] int, lane across that a node belongs to
+    lane: np.ndarray  # [M] int, lane across that a node belongs to
     road: CrossSections  # at the S layers
     station: Array  # [S] m
     spacing: Array  # [] m
@@ -69,15 +71,15 @@ class Lattice:
     steps: Steps  # to each layer from the one before
 
 
-def node_offsets(road: CrossSections, r: int) -> tuple[Float[Array, "n m"], Int[Array, "m"]]:
+def node_offsets(road: CrossSections, r: int) -> tuple[Float[Array, "n m"], Int[np.ndarray, "m"]]:
     """Offsets [n, M] (m) of Q * r nodes from right to left, and the lane across [M] that each belongs to.
 
     Nodes are spread evenly over each lane, so that with lanes side by side they are even across the road.
     """
     lanes = road.lane_offset.shape[1]
-    within = (jnp.arange(r).astype(road.lane_offset.dtype) - (r - 1) / 2) / r
+    within = ((np.arange(r) - (r - 1) / 2) / r).astype(road.lane_offset.dtype)
     offset = road.lane_offset[:, :, None] + road.lane_width[:, :, None] * within[None, None, :]
-    return offset.reshape(-1, lanes * r), jnp.repeat(jnp.arange(lanes), r)
+    return offset.reshape(-1, lanes * r), np.repeat(np.arange(lanes, dtype=np.int32), r)
 
 
 def build(road: CrossSections, speed: Float[Array, "k"], time: Float[Array, "k"], r: int) -> Lattice:
@@ -112,15 +114,15 @@ def clearance(
 ) -> Float[Array, "s m"]:
     """Smallest gap [S, M] (m) from the ego's box at each node, when it arrives there, to any predicted box."""
     road, shape = lattice.road, lattice.offset.shape
-    left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
-    position = road.position[:, None, :] + lattice.offset[..., None] * left[:, None, :]
 
     def each(layer: Array) -> Array:
         return jnp.broadcast_to(layer[:, None], shape).reshape(-1)
 
+    heading = each(road.heading)
+    line = frenet.Reference(jnp.repeat(road.position, shape[1], axis=0), heading, each(road.curvature))
     passage = Passage(
-        position=position.reshape(-1, 2),
-        heading=each(road.heading),
+        position=frenet.to_world(line, lattice.offset.reshape(-1)),
+        heading=heading,
         time=each(lattice.time),
         step=each(jnp.broadcast_to(lattice.spacing, shape[:1])),
         step_time=each(lattice.step_time),
@@ -143,13 +145,13 @@ def node_terms(
     """
     road, offset, ds = lattice.road, lattice.offset, lattice.spacing
     covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
-    over = bars(road, lattice.lane, jnp.arange(road.barred.shape[1]))
+    over = bars(road, lattice.lane, np.arange(road.barred.shape[1]))
     missing = vehicle.width - jnp.sum(covers, axis=-1) + 1 - road.present[:, lattice.lane]
     off_road = soft.above(missing, weights.edges.tolerance, relaxation, scale=weights.edges.edge_scale)
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
-    turn = road.curvature[:, None] / jnp.maximum(1 - road.curvature[:, None] * offset, 0.2)
+    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, 0.2)
     opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
     return {
         "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, weights.barrier),
@@ -164,21 +166,26 @@ def node_terms(
     }, soft.either(off_road, collides)
 
 
+def ways(lattice: Lattice, offset: Float[Array, ""], vehicle: VehicleParams) -> Edges:
+    """All edges [S, M, M] to each layer from the one before, those to the first one from the ego's own offset (m)."""
+    own = jnp.broadcast_to(offset, lattice.offset[:1].shape)
+    offsets = (jnp.concatenate([own, lattice.offset[:-1]]), lattice.offset)
+    return join(offsets, jax.tree.map(jnp.zeros_like, offsets), lattice.steps, CORNER, vehicle)
+
+
 def edge_terms(
-    lattice: Lattice, vehicle: VehicleParams, weights: LatticeWeights, relaxation: Relaxation
+    lattice: Lattice, ways: Edges, vehicle: VehicleParams, weights: LatticeWeights, relaxation: Relaxation
 ) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
     """Weighted cost [S-1, M, M] of each edge by name, and the degree to which it is forbidden.
 
     An edge is as long as it is along its own offset curve, and is forbidden where it is too sharp or leaves the road;
     the reference line's own bends are never too sharp.
     """
-    steps = jax.tree.map(lambda x: x[1:], lattice.steps)
-    offsets = (lattice.offset[:-1], lattice.offset[1:])
-    ways = join(offsets, jax.tree.map(jnp.zeros_like, offsets), steps, CORNER, vehicle)
-    bends = jnp.max(jnp.abs(steps.curvature), axis=1)[:, None, None]
+    ways = jax.tree.map(lambda x: x[1:], ways)
+    bends = jnp.max(jnp.abs(lattice.steps.curvature[1:]), axis=1)[:, None, None]
     beyond = refused(ways, jnp.maximum(sharpest(vehicle, weights.edges), bends), weights.edges, relaxation)
     across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
-    crossed = jnp.abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
+    crossed = abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
     barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, lattice.lane)
     steep = _too_steep(across, lattice.spacing, lattice.speed[1:, None, None], weights, relaxation)
     bad = soft.either(soft.either(barred, steep), beyond)
@@ -191,8 +198,8 @@ def edge_terms(
 
 def start_terms(
     lattice: Lattice,
+    ways: Edges,
     offset: Float[Array, ""],
-    vehicle: VehicleParams,
     weights: LatticeWeights,
     relaxation: Relaxation,
 ) -> tuple[dict[str, Array], Float[Array, "m"]]:
@@ -201,13 +208,10 @@ def start_terms(
     lines = boundaries(first)[0]
     # The ego's lane, as weights: the degree to which it is left of each line, less that of the next one.
     left_of = soft.above(offset - lines, 0.0, relaxation, scale=weights.line_scale)
-    one = jnp.ones_like(left_of[:1])
-    own = jnp.concatenate([one, left_of]) - jnp.concatenate([left_of, 0 * one])
-    lanes = jnp.arange(own.shape[0])
-    crossed = own @ jnp.abs(lanes[:, None] - lattice.lane[None, :]).astype(offset.dtype)
+    own = lax.pad(left_of, 1.0, [(1, 0, 0)]) - lax.pad(left_of, 0.0, [(0, 1, 0)])
+    lanes = np.arange(own.shape[0])
+    crossed = own @ abs(lanes[:, None] - lattice.lane[None, :]).astype(offset.dtype)
     across = lattice.offset[0] - offset
-    ends = (offset[None, None], lattice.offset[:1])
-    ways = join(ends, jax.tree.map(jnp.zeros_like, ends), jax.tree.map(lambda x: x[:1], lattice.steps), CORNER, vehicle)
     bad = soft.either(
         own @ bars(first, lanes, lattice.lane)[0],
         _too_steep(across, lattice.spacing, lattice.speed[0], weights, relaxation),
