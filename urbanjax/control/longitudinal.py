@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import lean
 from urbanjax.types import pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -27,6 +28,6 @@ def accelerate(
     """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1."""
     upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
     lower = -jnp.minimum(params.comfort_deceleration, vehicle.max_deceleration)
-    tracking = jnp.clip((reference - speed) / params.time_constant, lower, upper)
-    braking = jnp.clip(-speed / params.time_constant, -vehicle.max_deceleration, 0.0)
+    tracking = lean.clip((reference - speed) / params.time_constant, lower, upper)
+    braking = lean.clip(-speed / params.time_constant, -vehicle.max_deceleration, 0.0)
     return (1 - emergency) * tracking + emergency * braking

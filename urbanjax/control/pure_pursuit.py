@@ -4,7 +4,8 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.geometry import polyline
+from urbanjax.numerics import lean, safe
 from urbanjax.types import Path, VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -22,7 +23,7 @@ def look_ahead(path: Path, distance: Float[Array, ""]) -> Float[Array, "2"]:
     """The point of `path` at a travelled `distance` from its first point, by linear interpolation, in metres."""
     chords = safe.norm(jnp.diff(path.position, axis=0))
     travelled = jnp.concatenate([jnp.zeros_like(chords[:1]), jnp.cumsum(chords)])
-    return jnp.stack([jnp.interp(distance, travelled, path.position[:, i]) for i in range(2)])
+    return polyline.interpolate(travelled, path.position, distance)
 
 
 def steer(path: Path, state: VehicleState, params: PurePursuitParams, vehicle: VehicleParams) -> Float[Array, ""]:
@@ -31,8 +32,9 @@ def steer(path: Path, state: VehicleState, params: PurePursuitParams, vehicle: V
     alpha is the bearing of the look-ahead point seen from the rear axle and l_d its true distance, so the arc
     passes through the point. Not differentiable at the two ends of the look-ahead clip.
     """
-    distance = jnp.clip(params.gain * state.speed, params.minimum, params.maximum)
+    distance = lean.clip(params.gain * state.speed, params.minimum, params.maximum)
     to_point = look_ahead(path, distance) - state.position
-    lateral = to_point[1] * jnp.cos(state.heading) - to_point[0] * jnp.sin(state.heading)
-    squared = jnp.maximum(jnp.sum(to_point**2), params.minimum**2 / 4)
-    return jnp.clip(jnp.arctan(2 * vehicle.wheelbase * lateral / squared), -vehicle.max_steering, vehicle.max_steering)
+    x, y = jnp.unstack(to_point)
+    lateral = y * jnp.cos(state.heading) - x * jnp.sin(state.heading)
+    squared = jnp.maximum(x * x + y * y, params.minimum**2 / 4)
+    return lean.clip(jnp.arctan(2 * vehicle.wheelbase * lateral / squared), -vehicle.max_steering, vehicle.max_steering)

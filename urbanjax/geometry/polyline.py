@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.types import pytree
 
 
@@ -105,10 +105,11 @@ def interpolate(
     Args: grid [n], not decreasing (where it repeats, the last value counts); values [n, *c]; query [*q].
     """
     index = jnp.searchsorted(grid, query, side="right", method="compare_all") - 1
-    index = jnp.clip(index, 0, grid.shape[0] - 2)
-    fraction = jnp.clip(safe.divide(query - grid[index], grid[index + 1] - grid[index]), 0, 1)
+    index = lean.clip(index, 0, grid.shape[0] - 2)
+    start, end = lean.rows(grid, index), lean.rows(grid, index + 1)
+    fraction = lean.clip(safe.divide(query - start, end - start), 0.0, 1.0)
     fraction = fraction.reshape(fraction.shape + (1,) * (values.ndim - 1))
-    return values[index] * (1 - fraction) + values[index + 1] * fraction
+    return lean.rows(values, index) * (1 - fraction) + lean.rows(values, index + 1) * fraction
 
 
 def resample(points: Float[Array, "p 2"], n: int, mask: Bool[Array, "p"] | None = None) -> Float[Array, "{n} 2"]:

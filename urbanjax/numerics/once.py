@@ -5,9 +5,9 @@ from jax import Array
 from jax.lax import optimization_barrier
 
 
-def once(*arrays: Array) -> Array:
-    """Arrays of one shape, stacked along the first axis and computed once.
+def once(*arrays: Array) -> tuple[Array, ...]:
+    """Arrays of one shape, computed once.
 
     The CPU compiler would otherwise fuse what they are made of into each of their users, and compute it anew there.
     """
-    return optimization_barrier(jnp.stack(arrays))
+    return jnp.unstack(optimization_barrier(jnp.stack(arrays)))

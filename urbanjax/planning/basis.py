@@ -2,8 +2,11 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
+
+from urbanjax.numerics import safe
 
 
 def hat(
@@ -14,21 +17,17 @@ def hat(
     Outside the grid the end value holds, or past its end the last slope if `extrapolate`.
     """
     u = (query - start) / spacing
-    inside = _within(u, count - 1)
-    cell = jnp.clip(jnp.floor(inside), 0, count - 2)[:, None]
-    fraction = inside[:, None] - cell
-    index = jnp.arange(count).astype(query.dtype)[None, :]
+    inside = safe.within(u, 0.0, count - 1.0)
+    cell = jnp.minimum(jnp.floor(inside), count - 2)[:, None]
+    index = np.arange(count, dtype=query.dtype)[None, :]
     # Told by the cell and not as max(0, 1 - |u - index|): there on a grid point the derivatives would not add up to 0.
-    weights = jnp.where(index == cell, 1 - fraction, jnp.where(index == cell + 1, fraction, 0))
+    fraction = inside[:, None] - cell
+    weights = (index == cell) * (1 - fraction) + (index == cell + 1) * fraction
     if not extrapolate:
         return weights
-    last = jnp.zeros(count, query.dtype).at[-2:].set(jnp.array([-1, 1], query.dtype))
+    last = np.zeros(count, query.dtype)
+    last[-2:] = -1, 1
     return weights + jnp.maximum(u - (count - 1), 0)[:, None] * last[None, :]
-
-
-def _within(u: Array, high: int) -> Array:
-    """The values held within [0, high], with derivative 1 at both ends (where `clip` has a half)."""
-    return jnp.where(u < 0, 0, jnp.where(u > high, high, u))
 
 
 def interpolate(
@@ -53,8 +52,8 @@ def smooth(
     """
     count = values.shape[0]
     control = jnp.concatenate([2 * values[:1] - values[1:2], values, values[-1:], values[-1:]])
-    u = _within((query - start) / spacing, count)
-    x = u[:, None] + 1 - jnp.arange(count + 3).astype(query.dtype)[None, :]
+    u = safe.within((query - start) / spacing, 0.0, float(count))
+    x = u[:, None] + 1 - np.arange(count + 3, dtype=query.dtype)[None, :]
     r = jnp.abs(x)
     outer = jnp.maximum(2 - r, 0)
     near = r < 1

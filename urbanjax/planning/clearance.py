@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.geometry.boxes import Box, relaxed_box_gap
-from urbanjax.numerics import safe, soft
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.once import once
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import product
@@ -39,8 +39,8 @@ class Passage:
 def ego_boxes(passage: Passage, vehicle: VehicleParams, origin: Float[Array, "2"]) -> Box:
     """Boxes [n] of the ego at the points of a passage, relative to `origin` (m)."""
     cos, sin = jnp.cos(passage.heading), jnp.sin(passage.heading)
-    x = passage.position[:, 0] - origin[0] + vehicle.centre_offset * cos
-    y = passage.position[:, 1] - origin[1] + vehicle.centre_offset * sin
+    x, y = jnp.unstack(passage.position - origin[None, :], axis=-1)
+    x, y = x + vehicle.centre_offset * cos, y + vehicle.centre_offset * sin
     half_length, half_width = (jnp.asarray(size / 2, cos.dtype) for size in (vehicle.length, vehicle.width))
     return Box(*once(x, y, cos, sin), half_length=half_length, half_width=half_width)
 
@@ -52,9 +52,8 @@ def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Flo
     """
     local, heading = prediction.position - origin[None, None, :], prediction.heading
     weights = time_weights(prediction, time)
-    x, y, cos, sin = (
-        product(weights, values.T) for values in (local[..., 0], local[..., 1], jnp.cos(heading), jnp.sin(heading))
-    )
+    values = (*jnp.unstack(local, axis=-1), jnp.cos(heading), jnp.sin(heading))
+    x, y, cos, sin = (product(weights, x.T) for x in values)
     size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)
     half_length, half_width = prediction.length[None, :] / 2, prediction.width[None, :] / 2
     return Box(x=x, y=y, cos=cos * size, sin=sin * size, half_length=half_length, half_width=half_width)
@@ -83,7 +82,8 @@ def gaps(
         half_length = half_length + jnp.abs(swept) / 2
     ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
     room = relaxed_box_gap(ego, other, relaxation, params.gap_scale) + params.far * ignored[None, :]
-    return jnp.minimum(jnp.where(prediction.valid[None, :], room, params.far), params.far)
+    valid = jnp.broadcast_to(prediction.valid[None, :], room.shape)
+    return jnp.minimum(lean.where(valid, room, params.far), params.far)
 
 
 def followers(
@@ -99,19 +99,18 @@ def followers(
     follower's part. A vehicle behind in another lane does not come where the ego stands, and so still counts.
     """
     n = prediction.time.shape[0]
-    ones = jnp.ones_like(prediction.time)
     here = Passage(
-        position=ones[:, None] * state.position[None, :],
-        heading=ones * state.heading,
+        position=jnp.broadcast_to(state.position, (n, 2)),
+        heading=jnp.broadcast_to(state.heading, (n,)),
         time=prediction.time,
-        step=jnp.zeros(n, ones.dtype),
-        step_time=ones * (prediction.time[1] - prediction.time[0]),
+        step=jnp.zeros_like(prediction.time),
+        step_time=jnp.broadcast_to(prediction.time[1] - prediction.time[0], (n,)),
     )
     nobody = jnp.zeros_like(prediction.speed)
     reaches = safe.minimum(gaps(here, prediction, nobody, vehicle, params, relaxation), 0)
     cos, sin = jnp.cos(state.heading), jnp.sin(state.heading)
-    rear = prediction.position[:, 0] - state.position[None, :]
-    ahead = rear[:, 0] * cos + rear[:, 1] * sin + prediction.length / 2 + vehicle.rear_overhang
+    x, y = jnp.unstack(prediction.position[:, 0] - state.position[None, :], axis=-1)
+    ahead = x * cos + y * sin + prediction.length / 2 + vehicle.rear_overhang
     same_way = jnp.cos(prediction.heading[:, 0] - state.heading)
     behind = soft.above(-ahead, 0.0, relaxation, scale=params.follower_scale)
     hits = soft.above(-reaches, 0.0, relaxation, scale=params.follower_scale)

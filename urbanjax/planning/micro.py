@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe, soft
+from urbanjax.numerics import lean, polynomial, safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
@@ -112,12 +112,11 @@ def select(
     margins = limit_margins(fan, room, vehicle, params)
     change, collision = params.acceleration_scale, params.collision_scale
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
-    broken = jnp.stack(
-        [soft.above(-m, 0.0, relaxation, scale=s) for m, s in zip(margins, scales, strict=True)], axis=-1
-    )
+    margins = jnp.stack(margins, axis=-1)
+    broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
     cost = jnp.sum(terms, axis=1) + params.infeasible * jnp.sum(broken, axis=1)
     weights = soft.choose(cost, relaxation, params.choice_scale)
-    chosen = jnp.argmax(weights)
+    chosen, nearest = jnp.argmax(weights), margins[:, REASONS.index("collision")]
     others = jnp.where(jnp.arange(cost.shape[0]) == chosen, jnp.inf, cost)
 
     def mean(x: Array) -> Array:
@@ -136,19 +135,18 @@ def select(
         weights=weights,
         terms=terms,
         cost=cost,
-        reasons=jnp.stack(margins, axis=-1) < 0,
-        margin=margins[REASONS.index("collision")],
+        reasons=margins < 0,
+        margin=nearest,
         chosen=chosen,
         runner_up=jnp.argmin(others),
         feasible=mean(jnp.prod(1 - broken, axis=1)),
-        clearance=mean(margins[REASONS.index("collision")]),
+        clearance=mean(nearest),
     )
 
 
 def fade(time: Float[Array, "*s"], params: MicroParams) -> Float[Array, "*s"]:
     """How much an obstacle counts at a time ahead: 1 within the collision horizon, then falling smoothly to 0."""
-    u = jnp.clip((time - params.collision_horizon) / params.horizon_fade, 0, 1)
-    return 1 - u * u * (3 - 2 * u)
+    return 1 - polynomial.smoothstep(lean.clip((time - params.collision_horizon) / params.horizon_fade, 0.0, 1.0))
 
 
 def clearance(
@@ -195,11 +193,11 @@ def limit_margins(
     gain = jnp.diff(fan.speed**2, axis=1) / (2 * jnp.maximum(costs.segments(fan.position), 1e-3))
     soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
-    start = outside[:, :1] + params.recovery_slack * jnp.clip(outside[:, :1] / params.edge_tolerance, 0, 1)
+    start = outside[:, :1] + params.recovery_slack * lean.clip(outside[:, :1] / params.edge_tolerance, 0.0, 1.0)
 
     def left(values: Array, limit: float | Array, start: Array, duration: float | Array) -> Array:
         """What is left up to a limit; no candidate can help what the vehicle does at the start."""
-        return limit - safe.maximum(values - start * jnp.clip(2 - fan.time / duration, 0, 1))
+        return limit - safe.maximum(values - start * lean.clip(2 - fan.time / duration, 0.0, 1.0))
 
     too_sharp = jnp.maximum(sharp[:, :1] - steering, 0)
     too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
@@ -236,8 +234,9 @@ def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
     usable = road.present * (1 - road.oncoming * jnp.minimum(road.barred, 1))
     # Lane by lane, which needs no array of candidates x points x lanes.
+    lanes = (jnp.unstack(x[None], axis=-1) for x in (left, right, usable))
     covers = sum(
-        jnp.maximum(jnp.minimum(high, left[None, :, q]) - jnp.maximum(low, right[None, :, q]), 0) * usable[None, :, q]
-        for q in range(usable.shape[1])
+        jnp.maximum(jnp.minimum(high, left) - jnp.maximum(low, right), 0) * usable
+        for left, right, usable in zip(*lanes, strict=True)
     )
     return vehicle.width * (1 - covers / (2 * half_width))

@@ -1,10 +1,15 @@
 """Motion primitives: a fan of candidate paths from the vehicle's state onto the macro plan (Eq. 16-21)."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.geometry import polyline
+from urbanjax.numerics import lean, polynomial
 from urbanjax.numerics.once import once
 from urbanjax.planning import shape
 from urbanjax.planning.cross_section import CrossSections, cross_sections
@@ -74,8 +79,8 @@ def generate(
     (Eq. 19-21), whose curvature differs by less than 0.002 1/m where it is moderate.
     """
     spacing = state.speed * params.path_horizon / (params.n_points - 1)
-    spacing = jnp.clip(spacing, params.min_spacing, params.max_spacing)
-    ahead = spacing * jnp.arange(params.n_points).astype(spacing.dtype)
+    spacing = lean.clip(spacing, params.min_spacing, params.max_spacing)
+    ahead = spacing * np.arange(params.n_points, dtype=spacing.dtype)
     end = end_states(state, macro, params)
     # End states differ in station by duration and speed only.
     n, repeats = params.n_points, len(params.offsets) * len(params.accelerations)
@@ -86,19 +91,19 @@ def generate(
 
     over_time = planar(state, curvature, end, at_end, road)
     over_station = stationwise(progress, state, curvature, end, road)
-    ramp = jnp.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1, 1)
+    ramp = lean.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1.0, 1.0)
     fast = (2 + 3 * ramp - ramp**3) / 4
     joined = jax.tree.map(lambda a, b: fast * a + (1 - fast) * b, over_time, over_station)
     beyond = continuation(macro, end, road.station, params)
     inside = ahead[None, :] <= end.length[:, None]
-    lateral = jax.tree.map(lambda a, b: jnp.where(inside, a, b), joined, beyond)
+    lateral = jax.tree.map(functools.partial(lean.where, inside), joined, beyond)
     lateral = Lateral(*once(lateral.offset, lateral.slope, lateral.bend, lateral.time, lateral.speed))
 
     heading, kappa = shape.to_plane(
         road.heading[None, :], road.curvature[None, :], lateral.offset, lateral.slope, lateral.bend
     )
-    x = road.position[None, :, 0] - lateral.offset * jnp.sin(road.heading)[None, :]
-    y = road.position[None, :, 1] + lateral.offset * jnp.cos(road.heading)[None, :]
+    x, y = jnp.unstack(road.position[None], axis=-1)
+    x, y = x - lateral.offset * jnp.sin(road.heading)[None, :], y + lateral.offset * jnp.cos(road.heading)[None, :]
     x, y, heading, kappa = once(x, y, heading, kappa)
     position = jnp.stack([x, y], axis=-1)
     if params.resampling == "spline":
@@ -130,7 +135,7 @@ def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -
         jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.accelerations, params.offsets)
     )
     time = jnp.concatenate([jnp.zeros(1, dtype), macro.time])
-    free = jnp.interp(durations, time, jnp.concatenate([macro.start_speed[None], macro.speed]))
+    free = polyline.interpolate(time, jnp.concatenate([macro.start_speed[None], macro.speed]), durations)
     reachable = state.speed - params.deceleration * durations
     speed = jnp.maximum(factors[None, :] * free[:, None], jnp.maximum(reachable, params.min_speed)[:, None])
     mean = (state.speed + speed) / 2
@@ -159,13 +164,13 @@ def continuation(macro: MacroPlan, end: EndState, station: Float[Array, "k"], pa
     """Beyond its end state each candidate returns to the macro plan, at its share of the free-flow speed. [J, K]."""
     base, slope, bend = offset_at(macro, station)
     length = params.return_length
-    u = jnp.clip((station[None, :] - end.station[:, None]) / length, 0, 1)
+    u = lean.clip((station[None, :] - end.station[:, None]) / length, 0.0, 1.0)
     beside = end.beside[:, None]
     time, speed = profile_at(macro, station)
     end_time, end_speed = profile_at(macro, end.station)
     share = (end.speed / end_speed)[:, None]
     return Lateral(
-        offset=base[None, :] + beside * (1 - u**3 * (10 - 15 * u + 6 * u * u)),
+        offset=base[None, :] + beside * (1 - polynomial.smoother_step(u)),
         slope=slope[None, :] - beside * 30 * u**2 * (1 - u) ** 2 / length,
         bend=bend[None, :] - beside * 60 * u * (1 - u) * (1 - 2 * u) / length**2,
         time=end.duration[:, None] + (time[None, :] - end_time[:, None]) / share,

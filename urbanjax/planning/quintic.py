@@ -1,11 +1,13 @@
 """Quintics from the vehicle's state to end states, read off at the stations of a common grid (Eq. 16-18)."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import polynomial, safe
+from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.planning import shape
 from urbanjax.planning.cross_section import CrossSections
 from urbanjax.roadmap.corridor import Progress
@@ -64,8 +66,7 @@ def planar(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSe
     guess, _ = _uniform(state.speed, end, road.station - road.station[0])
     # The search carries no derivative: one more step from its result has the exact one (implicit function theorem).
     fixed, share = jax.lax.stop_gradient((lines, jnp.minimum(guess / duration, 1)))
-    for _ in range(NEWTON_STEPS):
-        share = _towards(fixed, share)
+    share = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, share: _towards(fixed, share), share)
     share = _towards(lines, share)
 
     _, p, cos, sin, _ = lines
@@ -83,15 +84,19 @@ def planar(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSe
 def _towards(lines: tuple[Array, ...], share: Array) -> Array:
     """One Newton step for the shares [J, K] of the duration at which the reference line's normals are crossed."""
     c, p, cos, sin, duration = lines
-    zero = jnp.zeros_like(share)
-    value, slope = [zero, zero], [zero, zero]
-    for i in range(5, -1, -1):
-        for n in range(2):
-            slope[n] = slope[n] * share + value[n]
-            value[n] = value[n] * share + c[:, i, n, None]
-    miss = (value[0] - p[..., 0]) * cos + (value[1] - p[..., 1]) * sin
-    rate = slope[0] * cos + slope[1] * sin
-    return jnp.clip(share - miss / jnp.maximum(rate, MIN_RATE * duration), 0, 1)
+    (x, vx), (y, vy) = (_horner(jnp.unstack(c[:, :, n, None], axis=1), share) for n in range(2))
+    px, py = jnp.unstack(p, axis=-1)
+    miss = (x - px) * cos + (y - py) * sin
+    rate = vx * cos + vy * sin
+    return lean.clip(share - miss / jnp.maximum(rate, MIN_RATE * duration), 0.0, 1.0)
+
+
+def _horner(c: Sequence[Array], share: Array) -> tuple[Array, Array]:
+    """Value and first derivative of polynomials with the coefficients [J, 1] at each share [J, K]."""
+    value, slope = c[-1] * share + c[-2], c[-1]
+    for lower in reversed(c[:-2]):
+        value, slope = value * share + lower, slope * share + value
+    return value, slope
 
 
 def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSections) -> Float[Array, "j 6 2"]:
@@ -132,7 +137,7 @@ def stationwise(
     progress: Progress, state: VehicleState, curvature: Array, end: EndState, road: CrossSections
 ) -> Lateral:
     """Candidates as d(s): a quintic of station, well defined down to standstill, with uniform acceleration."""
-    tangent = jnp.tan(jnp.clip(progress.heading_error, -MAX_TURN, MAX_TURN))
+    tangent = jnp.tan(lean.clip(progress.heading_error, -MAX_TURN, MAX_TURN))
     slope, bend = shape.from_plane(road.curvature[0], progress.offset, tangent, curvature)
     ones, size = jnp.ones_like(end.offset), end.length
     start = (progress.offset * ones, slope * size, bend * size * size)

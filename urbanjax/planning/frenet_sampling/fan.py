@@ -94,4 +94,5 @@ def cartesian(along: Along, across: Across, grid: EndGrid) -> Float[Array, "6 d 
         (kappa + bent) * inverse,
         of(along.acceleration) * stretch + speed * speed * growth,
     )
-    return once(*(jnp.broadcast_to(v, (*wide[:2], wide[2] * wide[3])) for v in values)).reshape(len(FIELDS), *wide)
+    fields = jnp.stack(once(*(jnp.broadcast_to(v, (*wide[:2], wide[2] * wide[3])) for v in values)))
+    return fields.reshape(len(FIELDS), *wide)

@@ -12,7 +12,17 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
-from urbanjax.planning.lattice.edges import CORNER, EdgeLimits, Edges, Steps, join, layers_of, refused, sharpest, steps_along
+from urbanjax.planning.lattice.edges import (
+    CORNER,
+    EdgeLimits,
+    Edges,
+    Steps,
+    join,
+    layers_of,
+    refused,
+    sharpest,
+    steps_along,
+)
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.params import VehicleParams
