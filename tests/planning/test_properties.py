@@ -178,14 +178,15 @@ def path_costs():
 
     def all_of(position, kappa, offset, speed, time):
         step = costs.segments(position)
-        return {
-            "length": costs.length(step),
+        parts = {
+            "length": step,
             "curvature": costs.curvature(kappa, step),
             "curvature_rate": costs.curvature_rate(kappa, step),
             "deviation": costs.deviation(offset, 0.5 * offset[::-1], jnp.ones_like(offset), step),
             "slowness": costs.slowness(speed, jnp.full_like(speed, 14.0), time),
             "lateral_acceleration": costs.lateral_acceleration(speed, kappa, time),
         }
+        return jax.tree.map(jnp.sum, parts)
 
     return jax.jit(all_of)
 

@@ -136,7 +136,7 @@ def select(
         scene, lanes, candidates.clearance[ROUTE], micro.feasible, state.tree, vehicle, params, relaxation
     )
     selection = decide(situation, params.tsps)
-    chosen = jax.tree.map(lambda x: weighted(selection.path, x), candidates)
+    chosen, target = soft.mixed(selection.path, (candidates, jnp.stack([lanes.route, lanes.micro, lanes.ego])))
     along_ego = scene.road.lane_offset @ lanes.ego
     choice = Choice(
         path=chosen.path,
@@ -144,18 +144,13 @@ def select(
         time=chosen.time,
         terminal=terminal(chosen.path.offset, along_ego, params.connect.terminal_scale, relaxation),
         ego_lane=lanes.ego,
-        target_lane=weighted(selection.path, jnp.stack([lanes.route, lanes.micro, lanes.ego])),
+        target_lane=target,
         selection=selection,
         situation=situation,
         clearance=candidates.clearance,
         scene=scene,
     )
     return SelectState(tree=memory, ego_lane=lanes.ego), choice
-
-
-def weighted(weights: Float[Array, "n"], values: Float[Array, "n *s"]) -> Float[Array, "*s"]:
-    """The weighted mean over the first axis, taken relative to the first value: large coordinates lose no precision."""
-    return values[0] + jnp.tensordot(weights, values - values[:1], axes=1, precision=jax.lax.Precision.HIGHEST)
 
 
 def find_lanes(

@@ -1,4 +1,7 @@
-"""Cost terms of planning, one short function each; weights stay outside (Eq. 13, 14, 22, 23)."""
+"""Cost terms of planning, one short function each; weights stay outside (Eq. 13, 14, 22, 23).
+
+Integrals along a path come by segment, so that all of them are summed at once.
+"""
 
 import jax.numpy as jnp
 from jax import Array
@@ -25,30 +28,25 @@ def smooth_abs(x: Float[Array, "*s"], rounding: float = 1e-3) -> Float[Array, "*
     return jnp.sqrt(x * x + rounding * rounding) - rounding
 
 
-def integral(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
-    """Trapezoidal integral over the last axis. Args: values at K points; step [.., K-1] between them."""
-    return jnp.sum((values[..., 1:] + values[..., :-1]) / 2 * step, axis=-1)
+def parts(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
+    """What each segment adds to the trapezoidal integral. Args: values at K points; step [.., K-1] between them."""
+    return (values[..., 1:] + values[..., :-1]) / 2 * step
 
 
 def segments(position: Float[Array, "*s k 2"]) -> Float[Array, "*s e"]:
-    """Distance (m) between consecutive points, [.., K-1]."""
+    """Distance (m) between consecutive points, [.., K-1]; their sum is the travelled distance f of Eq. 24."""
     return safe.norm(position[..., 1:, :] - position[..., :-1, :])
 
 
-def length(step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
-    """Travelled distance f (m) of Eq. 24."""
-    return jnp.sum(step, axis=-1)
+def curvature(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
+    """Integral of |kappa| ds (rad), the second term of Eq. 22, by segment."""
+    return parts(smooth_abs(kappa, 1e-4), step)
 
 
-def curvature(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
-    """Integral of |kappa| ds (rad), the second term of Eq. 22."""
-    return integral(smooth_abs(kappa, 1e-4), step)
-
-
-def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s"]:
-    """Integral of (d kappa / ds)^2 ds (1/m^3)."""
+def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
+    """Integral of (d kappa / ds)^2 ds (1/m^3), by segment."""
     change = kappa[..., 1:] - kappa[..., :-1]
-    return jnp.sum(safe.divide(change * change, step), axis=-1)
+    return safe.divide(change * change, step)
 
 
 def deviation(
@@ -56,23 +54,23 @@ def deviation(
     other: Float[Array, "*#s k"],
     counts: Float[Array, "*#s k"],
     step: Float[Array, "*s e"],
-) -> Float[Array, "*s"]:
-    """Integral of |offset - other| ds (m^2) at equal station, where it counts (Eq. 23).
+) -> Float[Array, "*s e"]:
+    """Integral of |offset - other| ds (m^2) at equal station, where it counts (Eq. 23), by segment.
 
     The printed index-wise distance punishes driving on.
     """
-    return integral(smooth_abs(offset - other) * counts, step)
+    return parts(smooth_abs(offset - other) * counts, step)
 
 
 def slowness(
     speed: Float[Array, "*s k"], desired: Float[Array, "*#s k"], time: Float[Array, "*s k"]
-) -> Float[Array, "*s"]:
-    """Integral of (v_des - v)^2 dt (m^2/s): Eq. 24's length alone would reward not to drive."""
-    return integral((desired - speed) ** 2, jnp.diff(time, axis=-1))
+) -> Float[Array, "*s e"]:
+    """Integral of (v_des - v)^2 dt (m^2/s), by segment: Eq. 24's length alone would reward not to drive."""
+    return parts((desired - speed) ** 2, jnp.diff(time, axis=-1))
 
 
 def lateral_acceleration(
     speed: Float[Array, "*s k"], kappa: Float[Array, "*s k"], time: Float[Array, "*s k"]
-) -> Float[Array, "*s"]:
-    """Integral of (v^2 kappa)^2 dt (m^2/s^3)."""
-    return integral((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))
+) -> Float[Array, "*s e"]:
+    """Integral of (v^2 kappa)^2 dt (m^2/s^3), by segment."""
+    return parts((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))

@@ -1,6 +1,5 @@
 """Micro planning: the candidate that costs least and breaks no limit (Eq. 22-24)."""
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -112,26 +111,26 @@ def select(
     margins = limit_margins(fan, room, vehicle, params)
     change, collision = params.acceleration_scale, params.collision_scale
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
-    margins = jnp.stack(margins, axis=-1)
     broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
     cost = jnp.sum(terms, axis=1) + params.infeasible * jnp.sum(broken, axis=1)
     weights = soft.choose(cost, relaxation, params.choice_scale)
     chosen, nearest = jnp.argmax(weights), margins[:, REASONS.index("collision")]
     others = jnp.where(jnp.arange(cost.shape[0]) == chosen, jnp.inf, cost)
-
-    def mean(x: Array) -> Array:
-        return jnp.tensordot(weights, x, axes=1, precision=jax.lax.Precision.HIGHEST)
-
+    each = (
+        fan.offset,
+        fan.position,
+        fan.heading,
+        fan.curvature,
+        fan.time,
+        fan.speed,
+        jnp.prod(1 - broken, axis=1),
+        nearest,
+    )
+    offset, position, heading, curvature, time, speed, feasible, clear = soft.mixed(weights, each)
     return MicroPlan(
-        path=Path(
-            station=fan.station,
-            offset=mean(fan.offset),
-            position=fan.position[0, :1] + mean(fan.position - fan.position[:1, :1]),
-            heading=mean(fan.heading),
-            curvature=mean(fan.curvature),
-        ),
-        time=mean(fan.time),
-        speed=mean(fan.speed),
+        path=Path(fan.station, offset, position, heading, curvature),
+        time=time,
+        speed=speed,
         weights=weights,
         terms=terms,
         cost=cost,
@@ -139,8 +138,8 @@ def select(
         margin=nearest,
         chosen=chosen,
         runner_up=jnp.argmin(others),
-        feasible=mean(jnp.prod(1 - broken, axis=1)),
-        clearance=mean(nearest),
+        feasible=feasible,
+        clearance=clear,
     )
 
 
@@ -170,8 +169,8 @@ def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, para
     near = costs.barrier(room, params.min_clearance, params.barrier) * fade(fan.time, params)
     everywhere = jnp.ones_like(fan.station)[None, :]
     terms = {
-        "length": costs.length(step),
-        "obstacle": costs.integral(near, step),
+        "length": step,
+        "obstacle": costs.parts(near, step),
         "curvature": costs.curvature(fan.curvature, step),
         "curvature_rate": costs.curvature_rate(fan.curvature, step),
         "transition": costs.deviation(fan.offset, last[None, :], counts[None, :], step),
@@ -179,13 +178,13 @@ def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, para
         "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], fan.time),
         "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, fan.time),
     }
-    return jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=-1)
+    return jnp.sum(jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=1), axis=-1)
 
 
 def limit_margins(
     fan: Fan, room: Float[Array, "j k"], vehicle: VehicleParams, params: MicroParams
-) -> tuple[Float[Array, "j"], ...]:
-    """How far each candidate [J] stays within each limit of REASONS, negative where it breaks it."""
+) -> Float[Array, "j r"]:
+    """How far each candidate stays within each limit [J, R] of REASONS, negative where it breaks it."""
     steering = params.steering_share * jnp.tan(jnp.asarray(vehicle.max_steering, room.dtype)) / vehicle.wheelbase
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
@@ -197,19 +196,24 @@ def limit_margins(
 
     def left(values: Array, limit: float | Array, start: Array, duration: float | Array) -> Array:
         """What is left up to a limit; no candidate can help what the vehicle does at the start."""
-        return limit - safe.maximum(values - start * lean.clip(2 - fan.time / duration, 0.0, 1.0))
+        return limit - (values - start * lean.clip(2 - fan.time / duration, 0.0, 1.0))
 
     too_sharp = jnp.maximum(sharp[:, :1] - steering, 0)
     too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
-    return (
+    at_points = (
         left(sharp, steering, too_sharp, params.settle),
-        params.steering_rate_share * vehicle.max_steering_rate - safe.maximum(rate),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
-        params.max_acceleration - safe.maximum(gain),
-        params.max_deceleration - safe.maximum(-gain),
-        safe.minimum(soon, 1),
+        soon,
         left(outside, params.edge_tolerance, start, params.recovery),
     )
+    between = (
+        params.steering_rate_share * vehicle.max_steering_rate - rate,
+        params.max_acceleration - gain,
+        params.max_deceleration + gain,
+    )
+    curvature, lateral, collision, edge = jnp.unstack(safe.minimum(jnp.stack(at_points)))
+    turning, acceleration, deceleration = jnp.unstack(safe.minimum(jnp.stack(between)))
+    return jnp.stack([curvature, turning, lateral, acceleration, deceleration, collision, edge], axis=-1)
 
 
 def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
