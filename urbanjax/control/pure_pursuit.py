@@ -22,8 +22,7 @@ class PurePursuitParams:
 def look_ahead(path: Path, distance: Float[Array, ""]) -> Float[Array, "2"]:
     """The point of `path` at a travelled `distance` from its first point, by linear interpolation, in metres."""
     chords = safe.norm(jnp.diff(path.position, axis=0))
-    travelled = jnp.concatenate([jnp.zeros_like(chords[:1]), jnp.cumsum(chords)])
-    return polyline.interpolate(travelled, path.position, distance)
+    return polyline.interpolate(lean.running_sum(chords), path.position, distance)
 
 
 def steer(path: Path, state: VehicleState, params: PurePursuitParams, vehicle: VehicleParams) -> Float[Array, ""]:

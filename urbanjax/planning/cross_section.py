@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from urbanjax.geometry import frenet
 from urbanjax.numerics import lean
+from urbanjax.planning.basis import product
 from urbanjax.roadmap.corridor import Corridor, Sample, sample
 from urbanjax.types import pytree
 
@@ -35,9 +36,9 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
     start, within = window.station[0], jnp.minimum(station, window.length)
     index, fraction, _ = frenet.cell(start, window.spacing, flags.shape[0], within)
     degrees = frenet.linear(lean.rows(flags, index), lean.rows(flags, index + 1), fraction)
-    closed = 1 - degrees[:, 2 * lanes :]
-    left = jnp.cumsum(closed[:, lanes // 2 :], axis=-1)
-    right = jnp.cumsum(closed[:, : lanes // 2][:, ::-1], axis=-1)[:, ::-1]
+    # A line bars every lane beyond it, seen from the route's.
+    line, lane = np.arange(lanes - 1)[:, None] + 0.5, np.arange(lanes)[None, :]
+    beyond = ((lane < line) & (line < lanes // 2)) | ((lane > line) & (line > lanes // 2))
     return CrossSections(
         station=station,
         position=road.position,
@@ -48,7 +49,7 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
         lane_width=road.lane_width,
         present=degrees[:, :lanes],
         oncoming=degrees[:, lanes : 2 * lanes],
-        barred=jnp.concatenate([right, jnp.zeros_like(degrees[:, :1]), left], axis=-1),
+        barred=product(1 - degrees[:, 2 * lanes :], jnp.asarray(beyond, degrees.dtype)),
     )
 
 
@@ -82,8 +83,16 @@ def drivable(road: CrossSections) -> tuple[Float[Array, "n"], Float[Array, "n"]]
     """Offsets [n] (m) of the right and the left border of the width from the route's lane outwards."""
     middle = road.lane_offset.shape[1] // 2
 
-    def reach(border: Array, present: Array) -> Array:
-        return border[:, 0] + jnp.sum(jnp.cumprod(present[:, 1:], axis=1) * jnp.diff(border, axis=1), axis=1)
+    present = jnp.unstack(road.present, axis=-1)
 
-    right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
-    return reach(right[:, middle::-1], road.present[:, middle::-1]), reach(left[:, middle:], road.present[:, middle:])
+    def reach(border: Array, outwards: range) -> Array:
+        """The border of the lanes from the route's on, each added by the degree to which all up to it are there."""
+        borders, reached, open_to = jnp.unstack(border, axis=-1), border[:, middle], 1.0
+        for lane in outwards[1:]:
+            open_to = open_to * present[lane]
+            reached = reached + open_to * (borders[lane] - borders[lane - outwards.step])
+        return reached
+
+    half = road.lane_width / 2
+    right, left = range(middle, -1, -1), range(middle, len(present))
+    return reach(road.lane_offset - half, right), reach(road.lane_offset + half, left)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.planning.basis import hat, product
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadGraph
@@ -67,7 +67,7 @@ def predict(graph: RoadGraph, objects: Objects, locations: Location, params: Pre
     travelled = (objects.speed[:, None] * time[None, :])[..., None] * direction[:, None, :]
     straight = objects.position[:, None, :] + travelled
     turned = jnp.diff(heading, axis=1, prepend=objects.heading[:, None])
-    turned = jnp.cumsum(safe.wrap_angle(turned), axis=1)
+    turned = lean.running_sum(safe.wrap_angle(turned))[:, 1:]
     beyond = (params.heading_gate + params.heading_ramp - jnp.abs(locations.heading_error)) / params.heading_ramp
     follows = jnp.clip(beyond, 0, 1) * locations.valid.astype(dtype)
     return Prediction(

@@ -1,10 +1,11 @@
 """The speed that a vehicle would drive along a path with nobody in front."""
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.types import pytree
 
 
@@ -28,11 +29,11 @@ def free_flow(
     """
     from_start = speed**2 + 2 * params.acceleration * distance
     # Which points lie ahead is told by index: in a fused loop a distance may differ from itself in the last digit.
-    index = jnp.arange(distance.shape[0])
+    index = np.arange(distance.shape[0])
     gap_ahead = jnp.maximum(distance[None, :] - distance[:, None], 0)
     to_caps = cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead
-    to_caps = jnp.where(index[None, :] >= index[:, None], to_caps, jnp.inf)
+    to_caps = lean.where(jnp.asarray(index[None, :] >= index[:, None]), to_caps, jnp.inf)
     squared = jnp.minimum(from_start, safe.minimum(to_caps))
     profile = safe.sqrt(squared + params.floor**2)
     step = 2 * jnp.diff(distance) / (profile[1:] + profile[:-1])
-    return profile, jnp.concatenate([jnp.zeros_like(step[:1]), jnp.cumsum(step)])
+    return profile, lean.running_sum(step)

@@ -226,7 +226,7 @@ def _slopes(fine: CrossSections, params: CourseLatticeParams) -> Float[Array, "s
 def _nodes(
     road: CrossSections,
     offset: Array,
-    lane: Array,
+    lane: np.ndarray,
     vehicle: VehicleParams,
     params: CourseLatticeParams,
     relaxation: Relaxation,
