@@ -11,6 +11,7 @@ from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
+from urbanjax.planning.situation import SituationParams
 from urbanjax.roadmap.builders import curve, two_way
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import WindowParams
@@ -26,7 +27,6 @@ from urbanjax.stack import StackParams
 
 # Candidates end between the points of their grid: on a point the gradient is a one-sided one.
 SMALL = PlanningParams(
-    prediction=PredictionParams(n_times=9, branches=1, hops=1),
     macro=MacroParams(n_layers=10, nodes_per_lane=3),
     primitives=PrimitiveParams(
         offsets=(-0.5, 0.0, 0.5), durations=(2.0, 3.5), speed_factors=(0.6, 1.0), min_length=8.3, n_points=21
@@ -36,10 +36,12 @@ SMALL = PlanningParams(
 
 def loop_params(mode: str = "hard", temperature: float = 0.1, n_objects: int = 4) -> LoopParams:
     """Parameters of a small closed loop."""
-    window = WindowParams(behind=30.0, n_stations=160)
+    situation = SituationParams(
+        window=WindowParams(behind=30.0, n_stations=160), prediction=PredictionParams(n_times=9, branches=1, hops=1)
+    )
     relaxation = Relaxation(mode=mode, temperature=temperature)
     # The pose is given: parameters of the localizer that finds it are none of these programs'.
-    stack = StackParams(planning=SMALL, window=window, relaxation=relaxation, lidar=None)
+    stack = StackParams(situation=situation, planning=SMALL, relaxation=relaxation, lidar=None)
     return LoopParams(stack=stack, sim=SimParams(n_objects=n_objects, lane_changes=False))
 
 

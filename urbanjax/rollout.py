@@ -60,14 +60,14 @@ class Trace:
 
 def trace(info: StackInfo) -> Trace:
     """The part of `info` that figures and tables of a run need."""
-    selection, lanes = info.choice.selection, info.speed.lanes
+    selection, lanes = info.choice.selection, info.speed_plan.lanes
     return Trace(
         path=selection.path,
         decision=selection.decision,
         clearance=info.choice.clearance,
         v_target=lanes.target,
         v_ego=lanes.ego,
-        v_ref=info.speed.reference,
+        v_ref=info.speed_plan.reference,
     )
 
 

@@ -17,14 +17,14 @@ from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.localizers import LOCALIZERS
 from urbanjax.localization.types import Localization
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning import macro, micro, prediction, previous, primitives
-from urbanjax.planning.macro import MacroPlan
-from urbanjax.planning.micro import MicroPlan
+from urbanjax.planning import plan as plans
+from urbanjax.planning import situation as situations
 from urbanjax.planning.params import PlanningParams
-from urbanjax.planning.previous import Previous
-from urbanjax.roadmap.corridor import Progress, WindowParams, progress, window
-from urbanjax.roadmap.locate import LocateParams, locate
-from urbanjax.types import HANDED_DOWN, Command, ConfigError, Observation, Prediction, field, pytree, static
+from urbanjax.planning.plan import Memory, Plan
+from urbanjax.planning.situation import Situation, SituationParams
+from urbanjax.roadmap.corridor import progress
+from urbanjax.types import HANDED_DOWN, Command, ConfigError, Mount, Observation, field, pytree, static
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -34,11 +34,8 @@ class StackParams:
 
     vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)
     period: float = field(default=None, metadata=HANDED_DOWN)  # s, of one step
-    mount: tuple[float, float, float, float] = field(
-        default=None, metadata=HANDED_DOWN
-    )  # of the LiDAR: x, y, z (m) above the ground, yaw (rad)
-    window: WindowParams = WindowParams()
-    locate: LocateParams = LocateParams()
+    mount: Mount = field(default=None, metadata=HANDED_DOWN)  # of the LiDAR
+    situation: SituationParams = SituationParams()
     planning: PlanningParams = PlanningParams()
     behavior: BehaviorParams = BehaviorParams()
     control: ControlParams = ControlParams()
@@ -46,14 +43,25 @@ class StackParams:
     relaxation: Relaxation = Relaxation()
     localizer: str = static(default="given", metadata={"choices": tuple(LOCALIZERS)})
 
+    def driving(self, params: Any) -> Driving:
+        """What a stage works with. Args: params, of the stage. Raises ConfigError where nothing was handed down."""
+        if self.vehicle is None or self.period is None:
+            raise ConfigError(
+                "StackParams.vehicle and .period are None: set them, or take LoopParams().handed_down()[0]"
+            )
+        return Driving(self.vehicle, params, self.relaxation, self.period)
+
+    def localizing(self) -> LidarLocalizerParams:
+        """The params of the localizer, with what it has to agree on with the others."""
+        return self.lidar and self.lidar.replace(mount=self.mount, period=self.period)
+
 
 @pytree
 class StackState:
     """What the stack carries from step to step."""
 
     station: Array  # [] m, progress on the route
-    macro: Previous
-    micro: Previous
+    plan: Memory
     select: SelectState
     localizer: Any = None  # what the localizer carries
 
@@ -63,28 +71,23 @@ class StackInfo:
     """What each stage came to; reported, never fed back."""
 
     localization: Localization
-    progress: Progress
-    prediction: Prediction
-    macro: MacroPlan
-    micro: MicroPlan
+    situation: Situation
+    plan: Plan
     choice: Choice
-    speed: SpeedPlan
+    speed_plan: SpeedPlan
 
 
 def init(params: StackParams, course: Course, pose: jaxlie.SE2) -> StackState:
-    """The state before the first step. Args: course, of the drive; pose, T_world_body of the rear axle, near its route.
+    """The state before the first step.
 
-    Raises ConfigError where the vehicle or the period has not been handed down.
+    Args: course, of the drive; pose, T_world_body of the rear axle, near its route.
     """
-    if params.vehicle is None or params.period is None:
-        raise ConfigError("StackParams.vehicle and .period are None: set them, or take LoopParams().handed_down()[0]")
-    whole = progress(course.corridor, pose.translation(), pose.rotation().as_radians())
+    whole = progress(course.corridor, pose.translation(), heading=pose.rotation().as_radians())
     return StackState(
         station=whole.station,
-        macro=previous.nothing(params.planning.macro.n_layers),
-        micro=previous.nothing(params.planning.primitives.n_points),
+        plan=plans.nothing(params.planning),
         select=tsps.init(whole, course.corridor),
-        localizer=LOCALIZERS[params.localizer].init(_lidar(params), course, pose),
+        localizer=LOCALIZERS[params.localizer].init(params.localizing(), course, pose),
     )
 
 
@@ -94,56 +97,27 @@ def step(
     """One step: command, next state, and the info of every stage. Pure; jit, vmap, scan and grad it.
 
     Differentiable with respect to params, state and observation in the modes `soft` and `straight_through` of
-    `params.relaxation`, and in mode `hard` through everything but the choices.
+    `params.relaxation`, and in mode `hard` through everything but the choices. Args: course, of the drive; state, what
+    is remembered; observation, of this step.
     """
-    vehicle, plan, relaxation = params.vehicle, params.planning, params.relaxation
-    objects = observation.objects
+    driving = params.driving(params.behavior)
     with jax.named_scope("localization"):
         localizer = LOCALIZERS[params.localizer]
-        located, localized = localizer.step(_lidar(params), course, state.localizer, observation)
-        ego = located.vehicle_state(observation.odometry)
-    with jax.named_scope("route"):
-        road = window(course.corridor, state.station, params.window)
-        here = progress(road, ego.position, ego.heading)
-    with jax.named_scope("prediction"):
-        lanes = locate(course.graph, objects.position, objects.heading, params=params.locate)
-        future = prediction.predict(course.graph, objects, lanes, plan.prediction)
-    with jax.named_scope("macro"):
-        wide = macro.plan(road, here, ego, future, state.macro, vehicle, plan.macro, relaxation)
-    with jax.named_scope("primitives"):
-        fan = primitives.generate(road, here, ego, wide, vehicle, plan.primitives)
-    with jax.named_scope("micro"):
-        near = micro.select(fan, future, state.micro, vehicle, plan.micro, relaxation)
+        localization, localized = localizer.step(params.localizing(), course, state.localizer, observation)
+        ego = localization.vehicle_state(observation.odometry)
+    situation = situations.look(params.situation, course, station=state.station, ego=ego, observation=observation)
+    plan = plans.plan(situation, driving.of(params.planning), memory=state.plan)
     with jax.named_scope("tsps"):
-        select, choice = tsps.select(
-            road,
-            here,
-            ego,
-            observation,
-            future,
-            wide.follower,
-            near,
-            state.select,
-            vehicle,
-            params.behavior,
-            relaxation,
-        )
+        select, choice = tsps.select(situation, driving, plan=plan, state=state.select)
     with jax.named_scope("gvp"):
-        pace = speed.plan(choice, ego, vehicle, params.behavior, relaxation)
+        speed_plan = speed.plan(choice, driving)
     with jax.named_scope("control"):
         command = drive.follow(
-            choice.path, pace.reference, located.brake(choice.selection.emergency), ego, vehicle, params.control
+            choice.path,
+            driving.of(params.control),
+            reference=speed_plan.reference,
+            emergency=localization.brake(choice.selection.emergency),
+            state=ego,
         )
-    following = StackState(
-        station=here.station,
-        macro=previous.remember(wide.station, wide.offset),
-        micro=previous.remember(near.path.station, near.path.offset),
-        select=select,
-        localizer=localized,
-    )
-    return command, following, StackInfo(located, here, future, wide, near, choice, pace)
-
-
-def _lidar(params: StackParams) -> Any:
-    """The localizer's params with what it has to agree on."""
-    return None if params.lidar is None else params.lidar.replace(mount=params.mount, period=params.period)
+    following = StackState(situation.progress.station, plans.remember(plan), select, localized)
+    return command, following, StackInfo(localization, situation, plan, choice, speed_plan)

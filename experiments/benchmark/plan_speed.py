@@ -38,18 +38,17 @@ def measure(
     """Milliseconds of one plan, by name: median, 99th percentile, and seconds of the first call."""
     stack, sim = loop.handed_down()
     planning = as_arrays(stack.planning.replace(primitives=study.fan))
-    vehicle, relaxation = stack.vehicle, stack.relaxation
+    driving = stack.driving(planning)
     seen = worlds.observe(sim, lanes, world=world)
     station = progress(course.corridor, world.ego.position, world.ego.heading).station
-    at = look(course, station, world.ego, seen.objects, stack.window, stack.locate, stack.planning.prediction)
+    at = look(stack.situation, course, station=station, ego=world.ego, observation=seen)
     memory = as_arrays(plans.nothing(planning))
-    arguments = (at.window, at.progress, world.ego, at.prediction, memory, vehicle, planning, relaxation)
-    program = jax.jit(plans.plan)
-    first = timing.seconds(program, *arguments)
-    made, samples = program(*arguments), []
+    program = jax.jit(lambda at, driving, memory: plans.plan(at, driving, memory=memory))
+    first = timing.seconds(program, at, driving, memory)
+    made, samples = program(at, driving, memory), []
     for _ in range(study.repeats):
         began = time.perf_counter()
-        jax.block_until_ready(program(*arguments))
+        jax.block_until_ready(program(at, driving, memory))
         samples.append(1e3 * (time.perf_counter() - began))
     return {
         "plan_ms": statistics.median(samples),

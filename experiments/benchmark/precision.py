@@ -32,8 +32,8 @@ def decisions(command: Command, info: StackInfo) -> Decisions:
     """The choices of one step."""
     selection = info.choice.selection
     return Decisions(
-        macro=jnp.argmax(info.macro.marginal, axis=-1),
-        micro=info.micro.chosen,
+        macro=jnp.argmax(info.plan.macro.marginal, axis=-1),
+        micro=info.plan.micro.chosen,
         path=jnp.argmax(selection.path),
         outcome=jnp.argmax(selection.decision),
         command=command,

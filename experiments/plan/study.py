@@ -13,8 +13,8 @@ from urbanjax.evaluation.recorded import drive, scenes
 from urbanjax.io import maps
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import plan as plans
-from urbanjax.planning.plan import Memory, Plan
-from urbanjax.planning.situation import look
+from urbanjax.planning.plan import Plan
+from urbanjax.planning.situation import Situation, look
 from urbanjax.roadmap.corridor import Corridor, CorridorParams
 from urbanjax.rollout import LoopParams
 from urbanjax.sim import lanes as tables
@@ -71,11 +71,12 @@ def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
     seen = observe(world)
     make = jax.jit(_plan, compiler_options=QUICK)
     modes = (Relaxation(), Relaxation(float(study.temperature), mode="soft"))
-    (road, future, hard), (_, _, soft) = (make(params, course, state, seen, world, as_arrays(mode)) for mode in modes)
+    modes = [params.replace(relaxation=as_arrays(mode)) for mode in modes]
+    (at, hard), (_, soft) = (make(mode, course, state, seen, world) for mode in modes)
     vehicle = params.vehicle
     centre = worlds.box_centre(world.ego, vehicle)
     ego = np.array([*centre, world.ego.heading, vehicle.length, vehicle.width], float)
-    return Moment(course, road, seen, ego, future, hard, soft)
+    return Moment(course, at.window, seen, ego, at.prediction, hard, soft)
 
 
 def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState]:
@@ -103,16 +104,7 @@ def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState
 
 
 def _plan(
-    params: StackParams,
-    course: Course,
-    state: stack.StackState,
-    seen: Observation,
-    world: WorldState,
-    relaxation: Relaxation,
-) -> tuple[Corridor, Prediction, Plan]:
-    at = look(course, state.station, world.ego, seen.objects, params.window, params.locate, params.planning.prediction)
-    memory = Memory(state.macro, state.micro)
-    made = plans.plan(
-        at.window, at.progress, world.ego, at.prediction, memory, params.vehicle, params.planning, relaxation
-    )
-    return at.window, at.prediction, made
+    params: StackParams, course: Course, state: stack.StackState, seen: Observation, world: WorldState
+) -> tuple[Situation, Plan]:
+    at = look(params.situation, course, station=state.station, ego=world.ego, observation=seen)
+    return at, plans.plan(at, params.driving(params.planning), memory=state.plan)

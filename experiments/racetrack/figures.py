@@ -18,10 +18,12 @@ from urbanjax.planning import macro
 from urbanjax.planning.lattice.course_path import driven
 from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.previous import nothing
+from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.builders import curve
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import Corridor, Progress, WindowParams, to_world, window
 from urbanjax.types import Prediction, VehicleState, as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -59,11 +61,13 @@ def draw_macro(path: Path, temperature: float) -> None:
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position=position, heading=heading, speed=zero + 10, acceleration=zero, steering=zero)
     place = Progress(station=zero + 30, offset=zero, heading_error=zero)
+    situation = Situation(ahead, place, ego, objects=None, prediction=leader, signals=None)
     with figure(path, 11.0, height=3.4) as canvas:
         both, dots = canvas.subplots(1, 2), None
         for axes, mode in zip(both, ("hard", "soft"), strict=True):
             relaxation = as_arrays(Relaxation(temperature, mode=mode))
-            plan = _macro(ahead, place, ego, leader, as_arrays(nothing(params.n_layers)), vehicle, params, relaxation)
+            driving = Driving(vehicle, params, relaxation, 0.1)
+            plan = _macro(situation, driving, as_arrays(nothing(params.n_layers)))
             draw_road(axes, graph)
             axes.set(xlim=(20, 140), ylim=(-15, 45))
             dots = lattices.draw_macro(axes, ahead, plan=plan)
@@ -100,4 +104,4 @@ def _box(position: Any, heading: Any, vehicle: VehicleParams) -> np.ndarray:
     return np.r_[np.asarray(position) + ahead, float(heading), float(vehicle.length), float(vehicle.width)][None]
 
 
-_macro = jax.jit(macro.plan)
+_macro = jax.jit(lambda situation, driving, previous: macro.plan(situation, driving, previous=previous))

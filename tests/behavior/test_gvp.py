@@ -7,9 +7,12 @@ import pytest
 
 from urbanjax.behavior import gvp
 from urbanjax.behavior.gvp import GVPParams
+from urbanjax.behavior.params import BehaviorParams
+from urbanjax.behavior.situation import Body
 from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.vehicle.following import HeadwayParams
+from urbanjax.vehicle.driving import Driving
+from urbanjax.vehicle.params import VehicleParams
 
 
 def speeds(terminal, centre, tau, v_target=12.0, v_ego=4.0):
@@ -17,7 +20,11 @@ def speeds(terminal, centre, tau, v_target=12.0, v_ego=4.0):
         return tuple(jnp.asarray(float(x)) for x in p)
 
     return gvp.plan_speed(
-        pair(terminal), pair(centre), jnp.asarray(v_target), jnp.asarray(v_ego), GVPParams(tau=jnp.asarray(tau))
+        pair(terminal),
+        pair(centre),
+        v_target=jnp.asarray(v_target),
+        v_ego=jnp.asarray(v_ego),
+        params=GVPParams(tau=jnp.asarray(tau)),
     )
 
 
@@ -40,7 +47,7 @@ def test_lane_following_has_finite_value_and_gradient():
         return speeds((d, d), (d, d), 0.5, v_target=7.0, v_ego=7.0).reference
 
     def traced(d):
-        return gvp.blend(d, d, jnp.asarray(7.0), jnp.asarray(7.0))
+        return gvp.blend(d, d, v_target=jnp.asarray(7.0), v_ego=jnp.asarray(7.0))
 
     assert float(reference(0.0)) == pytest.approx(7.0)
     assert np.isfinite(jax.grad(traced)(jnp.asarray(0.0)))
@@ -60,12 +67,10 @@ def test_without_any_object_the_cap_is_the_speed(mode):
     fields = dict.fromkeys(Surroundings.__dataclass_fields__, none)
     found = gvp.following_speed(
         Surroundings(**{**fields, "valid": none > 0}),
+        Driving(VehicleParams(), BehaviorParams(), Relaxation(0.01, mode), 0.1),
         occupancy=none,
-        front=jnp.asarray(2.0),
+        body=Body(rear=jnp.asarray(-3.0), front=jnp.asarray(2.0), offset=none[0], speed=jnp.asarray(8.0)),
         lead=none,
-        speed=jnp.asarray(8.0),
         cap=jnp.asarray(13.9),
-        headway=HeadwayParams(),
-        relaxation=Relaxation(0.01, mode),
     )
     assert float(found) == pytest.approx(13.9, abs=0.05)

@@ -11,6 +11,8 @@ from urbanjax.behavior import tree
 from urbanjax.behavior.tree import EGO, MICRO, ROUTE, Conditions, TSPSParams
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import Decision
+from urbanjax.vehicle.driving import Driving
+from urbanjax.vehicle.params import VehicleParams
 
 FIELDS = (
     "route_feasible",
@@ -23,7 +25,7 @@ FIELDS = (
 )
 
 
-def situation(**degrees: float) -> Conditions:
+def conditions(**degrees: float) -> Conditions:
     defaults = dict.fromkeys(FIELDS, 0.0) | {"micro_feasible": 1.0, "stoppable": 1.0}
     return Conditions(**{k: jnp.asarray(v) for k, v in (defaults | degrees).items()})
 
@@ -73,33 +75,30 @@ def test_weights_sum_to_one_for_any_degrees():
     assert float(selection.path.min()) >= -1e-6
 
 
-def remember(state, speed, red, route_free=0.0, mode="hard", **params):
+def remember(state, speed, red, route_free=0.0, mode="hard", period=0.1, **params):
+    driving = Driving(VehicleParams(), TSPSParams(**params), Relaxation(mode=mode, temperature=1e-3), period)
     return tree.remember(
-        state,
-        jnp.asarray(speed),
-        jnp.asarray(red),
-        jnp.asarray(route_free),
-        TSPSParams(**params),
-        Relaxation(mode=mode, temperature=1e-3),
+        state, driving, speed=jnp.asarray(speed), red=jnp.asarray(red), route_free=jnp.asarray(route_free)
     )
 
 
+@pytest.mark.parametrize("period", [0.1, 0.25])
 @pytest.mark.parametrize("mode", ["hard", "soft"])
-def test_stuck_counter_rises_is_held_at_red_and_cleared_by_moving(mode):
+def test_time_stuck_rises_is_held_at_red_and_cleared_by_moving(mode, period):
     state = tree.init(jnp.zeros(()).dtype)
     for _ in range(4):
-        state = remember(state, speed=0.0, red=0.0, mode=mode)
-    assert float(state.stuck) == pytest.approx(4)
+        state = remember(state, speed=0.0, red=0.0, mode=mode, period=period)
+    assert float(state.stuck) == pytest.approx(4 * period)
     for _ in range(3):
-        state = remember(state, speed=0.0, red=1.0, mode=mode)
-    assert float(state.stuck) == pytest.approx(4)
-    state = remember(state, speed=5.0, red=0.0, mode=mode)
+        state = remember(state, speed=0.0, red=1.0, mode=mode, period=period)
+    assert float(state.stuck) == pytest.approx(4 * period)
+    state = remember(state, speed=5.0, red=0.0, mode=mode, period=period)
     assert float(state.stuck) == pytest.approx(0)
 
 
 def test_a_blocked_route_counts_only_after_some_steps():
     state, blocked = tree.init(jnp.zeros(()).dtype), []
     for _ in range(6):
-        state = remember(state, speed=5.0, red=0.0, route_free=0.0, patience=4.0)
+        state = remember(state, speed=5.0, red=0.0, route_free=0.0, patience=0.4)
         blocked.append(float(state.blocked))
     np.testing.assert_allclose(blocked, 1 - 0.75 ** np.arange(1, 7), rtol=1e-5)

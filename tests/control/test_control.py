@@ -7,11 +7,15 @@ import pytest
 
 from urbanjax.control.longitudinal import LongitudinalParams, accelerate
 from urbanjax.control.pure_pursuit import PurePursuitParams, look_ahead, steer
+from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import Command, Path, VehicleState
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.model import bicycle_step
 from urbanjax.vehicle.params import VehicleParams
 
-VEHICLE, PURSUIT, TRACKING = VehicleParams(), PurePursuitParams(), LongitudinalParams()
+VEHICLE = VehicleParams()
+PURSUIT = Driving(VEHICLE, PurePursuitParams(), Relaxation(), 0.1)
+TRACKING = PURSUIT.of(LongitudinalParams())
 
 
 def state(x=0.0, y=0.0, heading=0.0, speed=8.0):
@@ -33,13 +37,13 @@ def circle(radius, n=60):
 @pytest.mark.parametrize("radius", [15.0, 40.0, -25.0])
 def test_arc_gives_the_arc_s_steering(radius):
     expected = np.arctan(VEHICLE.wheelbase / radius)
-    assert float(steer(circle(radius), state(), PURSUIT, VEHICLE)) == pytest.approx(expected, rel=2e-2)
+    assert float(steer(circle(radius), PURSUIT, state=state())) == pytest.approx(expected, rel=2e-2)
 
 
 def test_straight_path_keeps_the_wheel_straight_and_offset_turns_towards_it():
     straight = path(np.stack([np.arange(60.0), np.zeros(60)], axis=1))
-    assert float(steer(straight, state(), PURSUIT, VEHICLE)) == pytest.approx(0, abs=1e-6)
-    assert float(steer(straight, state(y=1.0), PURSUIT, VEHICLE)) < 0
+    assert float(steer(straight, PURSUIT, state=state())) == pytest.approx(0, abs=1e-6)
+    assert float(steer(straight, PURSUIT, state=state(y=1.0))) < 0
 
 
 def test_converges_onto_a_line():
@@ -47,7 +51,7 @@ def test_converges_onto_a_line():
 
     def body(s, _):
         ahead = line.replace(position=line.position + jnp.stack([s.position[0], jnp.zeros(())])[None, :])
-        command = Command(jnp.zeros(()), steer(ahead, s, PURSUIT, VEHICLE))
+        command = Command(jnp.zeros(()), steer(ahead, PURSUIT, state=s))
         return bicycle_step(s, command, params=VEHICLE, dt=0.1), s.position[1]
 
     _, lateral = jax.lax.scan(body, state(y=2.0), length=80)
@@ -62,16 +66,16 @@ def test_look_ahead_is_measured_along_the_path():
 
 @pytest.mark.parametrize(("reference", "expected"), [(8.3, 0.5), (30.0, 2.0), (0.0, -4.0)])
 def test_speed_tracking_is_proportional_and_limited(reference, expected):
-    a = accelerate(jnp.asarray(8.0), jnp.asarray(reference), jnp.asarray(0.0), TRACKING, VEHICLE)
+    a = accelerate(jnp.asarray(8.0), TRACKING, reference=jnp.asarray(reference), emergency=jnp.asarray(0.0))
     assert float(a) == pytest.approx(expected, rel=1e-5)
 
 
 def test_emergency_brakes_fully():
-    a = accelerate(jnp.asarray(8.0), jnp.asarray(20.0), jnp.asarray(1.0), TRACKING, VEHICLE)
+    a = accelerate(jnp.asarray(8.0), TRACKING, reference=jnp.asarray(20.0), emergency=jnp.asarray(1.0))
     assert float(a) == pytest.approx(-VEHICLE.max_deceleration)
 
 
 def test_finite_gradient_on_a_degenerate_path():
     still = path(np.zeros((10, 2)))
-    gradient = jax.grad(lambda x: steer(still, state(x=x), PURSUIT, VEHICLE))(0.0)
+    gradient = jax.grad(lambda x: steer(still, PURSUIT, state=state(x=x)))(0.0)
     assert np.isfinite(gradient)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from experiments.plan import figures
 from experiments.plan import study as planned
 from experiments.plan.study import PlanStudy
 from urbanjax.planning.explain import explain
@@ -29,9 +30,9 @@ def found():
 
 
 def test_the_picture_is_in_the_egos_frame(found):
-    turned = planned.seen_from_ego(found)
+    turned = figures.seen_from_ego(found)
     np.testing.assert_allclose(turned.ego[:3], 0)
-    axle = found.ego[3] / 2 - SMALL.stack.vehicle.rear_overhang
+    axle = found.ego[3] / 2 - SMALL.vehicle.rear_overhang
     np.testing.assert_allclose(turned.hard.fan.position[:, 0], np.broadcast_to([-axle, 0.0], (6, 2)), atol=1e-3)
     before, after = (np.asarray(x.hard.fan.position) for x in (found, turned))
     lengths = [np.linalg.norm(np.diff(x, axis=1), axis=-1) for x in (before, after)]
@@ -39,7 +40,7 @@ def test_the_picture_is_in_the_egos_frame(found):
 
 
 def test_it_is_drawn_and_explained(found, tmp_path):
-    planned.draw(found, tmp_path / "plan.png")
+    figures.draw(found, tmp_path / "plan.png")
     assert (tmp_path / "plan.png").stat().st_size > 20_000
     assert explain(found.hard)["candidates rejected"][0] == 6
     marginal = np.asarray(found.soft.macro.marginal)

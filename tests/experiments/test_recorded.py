@@ -13,6 +13,7 @@ from urbanjax.evaluation.recorded import drive as driving
 from urbanjax.evaluation.recorded import goals, routes, scenes
 from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
+from urbanjax.planning.situation import SituationParams
 from urbanjax.roadmap import matching
 from urbanjax.roadmap.builders import straight
 from urbanjax.roadmap.builders.specs import RoadStyle
@@ -178,7 +179,7 @@ def test_the_stack_drives_among_them(scene):
         macro=planning.macro.replace(n_layers=8, nodes_per_lane=3),
         primitives=planning.primitives.replace(n_points=21, offsets=(-0.5, 0.0, 0.5), durations=(3.0,)),
     )
-    stack = stack.replace(planning=small, window=WindowParams(n_stations=128))
+    stack = stack.replace(planning=small, situation=SituationParams(window=WindowParams(n_stations=128)))
     one = dataclasses.replace(
         scene,
         starts=scene.starts[:1],
@@ -187,7 +188,7 @@ def test_the_stack_drives_among_them(scene):
             for name in ("corridor", "replay", "ego", "vehicle")
         },
     )
-    (found,) = driving.drive(LoopParams(stack, SimParams(n_objects=4), 0.1), one)
+    (found,) = driving.drive(LoopParams(stack=stack, sim=SimParams(n_objects=4)), one)
     assert found.contact == Contact.NONE
     assert not found.off_road
     assert found.human_way == pytest.approx(40.0, abs=0.5)

@@ -9,8 +9,10 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, plan
 from urbanjax.planning.previous import nothing
+from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.corridor import Corridor, Progress
 from urbanjax.types import Prediction, VehicleState, as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 LANES = 5
@@ -119,10 +121,15 @@ class Scenes:
         )
 
 
+def seen(window, progress, state, prediction) -> Situation:
+    """What planning sees of the situation; it reads no objects and no signals."""
+    return Situation(window, progress, state, objects=None, prediction=prediction, signals=None)
+
+
 def run(window, progress, state, prediction, previous_macro, previous_micro, vehicle, params, relaxation):
     """What each of the three planning stages came to."""
-    memory = Memory(previous_macro, previous_micro)
-    made = plan(window, progress, state, prediction, memory, vehicle, params, relaxation)
+    driving = Driving(vehicle, params, relaxation, 0.1)
+    made = plan(seen(window, progress, state, prediction), driving, memory=Memory(previous_macro, previous_micro))
     return made.macro, made.fan, made.micro
 
 

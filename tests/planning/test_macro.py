@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.planning.conftest import seen
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import macro
 from urbanjax.planning.cross_section import cross_sections
@@ -13,6 +14,7 @@ from urbanjax.planning.lattice.edges import CORNER, fine_stations
 from urbanjax.planning.macro import MACRO_TERMS, offset_at, profile_at
 from urbanjax.planning.previous import nothing, remember
 from urbanjax.types import as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -158,19 +160,21 @@ def test_a_bend_sharper_than_the_steering_is_followed_along_the_reference(planne
     assert plan.terms[MACRO_TERMS.index("forbidden")] == 0
 
 
-def costs(window, progress, state, prediction, vehicle, params, relaxation):
+def costs(situation, driving):
     """What the plan of a small lattice adds up: cost of its starts [M] and of its edges [S - 1, M, M]."""
-    spacing = macro.layer_spacing(window, progress, state, params)
-    station = progress.station + spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
-    road = cross_sections(window, fine_stations(station, CORNER))
-    found = macro.plan(window, progress, state, prediction, nothing(params.n_layers), vehicle, params, Relaxation())
+    params, offset = driving.params, situation.progress.offset
+    weighing, previous = driving.of(params.weights), nothing(params.n_layers)
+    spacing = macro.layer_spacing(situation, params)
+    station = situation.progress.station + spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
+    road = cross_sections(situation.window, fine_stations(station, CORNER))
+    found = macro.plan(situation, driving, previous=previous)
     speed = jnp.concatenate([found.start_speed[None], found.speed])
-    layers = lattice.build(road, speed, jnp.concatenate([0 * found.time[:1], found.time]), params.nodes_per_lane)
-    room, previous = found.node_clearance, nothing(params.n_layers)
-    nodes, _ = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
-    ways = lattice.ways(layers, progress.offset, vehicle)
-    start, _ = lattice.start_terms(layers, ways, progress.offset, params.weights, relaxation)
-    edges, _ = lattice.edge_terms(layers, ways, vehicle, params.weights, relaxation)
+    time = jnp.concatenate([0 * found.time[:1], found.time])
+    layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
+    nodes, _ = lattice.node_terms(layers, weighing, room=found.node_clearance, previous=previous)
+    ways = lattice.ways(layers, offset, vehicle=driving.vehicle)
+    start, _ = lattice.start_terms(layers, weighing, ways=ways, offset=offset)
+    edges, _ = lattice.edge_terms(layers, weighing, ways=ways)
     node = sum(nodes.values())
     return found, sum(start.values()) + node[0], sum(edges.values()) + node[1:, None, :]
 
@@ -180,8 +184,8 @@ def test_the_plan_is_the_best_of_all_paths(scenes, x64):
     progress, state = scenes.ego(window, offset=0.4, speed=9.0)
     cars = scenes.traffic(window, [(45.0, 0.2, 2.0), (70.0, 3.3, 6.0)])
     params = as_arrays(macro.MacroParams(n_layers=4, nodes_per_lane=2, min_spacing=10.0))
-    arguments = (window, progress, state, cars, as_arrays(VehicleParams()), params, as_arrays(Relaxation()))
-    plan, start, edges = jax.jit(costs)(*arguments)
+    driving = as_arrays(Driving(VehicleParams(), params, Relaxation(), 0.1))
+    plan, start, edges = jax.jit(costs)(seen(window, progress, state, cars), driving)
     paths = np.array(list(product(range(10), repeat=4)))
     total = np.asarray(start)[paths[:, 0]] + sum(np.asarray(edges)[i, paths[:, i], paths[:, i + 1]] for i in range(3))
     best = paths[total.argmin()]

@@ -8,6 +8,8 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import micro
 from urbanjax.planning.micro import MICRO_TERMS, REASONS
 from urbanjax.planning.previous import nothing, remember
+from urbanjax.types import as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -138,12 +140,13 @@ def test_a_first_step_pays_no_transition(planner, scenes):
 def test_the_nearer_an_obstacle_the_dearer(planner, scenes, params):
     window = scenes.road(lanes=(1, 2, 3))
     _, fan, _ = planner(window, scenes.ego(window), scenes.traffic(window, []))
-    room = jax.jit(micro.clearance)
+    driving = as_arrays(Driving(VehicleParams(), params.micro, Relaxation(), 0.1))
+    room = jax.jit(lambda fan, cars: micro.clearance(fan, driving, prediction=cars))
     cost, clearance = [], []
     for offset in (-6.0, -2.6, -2.4, -2.2, -2.0, -1.0):
         cars = scenes.traffic(window, [(40.0, offset, 0.0)])
-        near = room(fan, cars, VehicleParams(), params.micro, Relaxation())
-        terms = micro.weighted_terms(fan, near, nothing(25), params.micro)
+        near = room(fan, cars)
+        terms = micro.weighted_terms(fan, params.micro, room=near, previous=nothing(25))
         cost.append(np.asarray(terms[:, MICRO_TERMS.index("obstacle")]))
         clearance.append(np.asarray(near.min(axis=1)))
     assert np.all(np.diff(clearance, axis=0) <= 0)

@@ -2,13 +2,14 @@ import jax
 import numpy as np
 import pytest
 
-from tests.planning.conftest import small_params
+from tests.planning.conftest import seen, small_params
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import plan as plans
 from urbanjax.planning.explain import explain
 from urbanjax.planning.macro import MACRO_TERMS
 from urbanjax.planning.micro import MICRO_TERMS, REASONS
 from urbanjax.types import as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -17,12 +18,12 @@ def made(scenes):
     window = scenes.road()
     params = small_params()
     memory = as_arrays(plans.nothing(params))
-    step = jax.jit(plans.plan)
+    step = jax.jit(lambda situation, driving, memory: plans.plan(situation, driving, memory=memory))
     progress, state = scenes.ego(window, offset=0.3)
     cars = scenes.traffic(window, [(45.0, 0.0, 0.0)])
-    vehicle, relaxation = as_arrays((VehicleParams(), Relaxation()))
-    first = step(window, progress, state, cars, memory, vehicle, params, relaxation)
-    second = step(window, progress, state, cars, plans.remember(first), vehicle, params, relaxation)
+    driving = as_arrays(Driving(VehicleParams(), params, Relaxation(), 0.1))
+    first = step(seen(window, progress, state, cars), driving, memory)
+    second = step(seen(window, progress, state, cars), driving, plans.remember(first))
     return first, second
 
 

@@ -6,11 +6,11 @@ from jaxtyping import Float
 
 from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
-from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
-from urbanjax.roadmap.corridor import Progress, Sample
-from urbanjax.types import Path, Prediction, VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.planning.clearance import Passage, gaps
+from urbanjax.planning.situation import Situation
+from urbanjax.roadmap.corridor import Sample
+from urbanjax.types import Path, Prediction, pytree
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -23,19 +23,15 @@ class ConnectParams:
 
 
 def connect(
-    road: Sample,
-    start: Progress,
-    state: VehicleState,
-    station: Float[Array, "k"],
-    lane: Float[Array, "k"],
-    params: ConnectParams,
+    situation: Situation, params: ConnectParams, *, road: Sample, station: Float[Array, "k"], lane: Float[Array, "k"]
 ) -> Path:
     """The path from the present pose that joins a lane by a quintic in station and then follows it.
 
-    Args: road [K], on the shared grid; station [K] m, the grid, from the vehicle on; lane [K] m, offset of the lane's
-    centre on it.
+    Args: situation, of the step; road [K], on the shared grid; station [K] m, the grid, from the vehicle on; lane [K]
+    m, offset of the lane's centre on it.
     """
-    length = jnp.maximum(params.duration * state.speed, params.min_length)
+    start = situation.progress
+    length = jnp.maximum(params.duration * situation.ego.speed, params.min_length)
     lane_slope = jnp.asarray(jnp.gradient(lane, station[1] - station[0]))
     slope = jnp.tan(jnp.clip(start.heading_error, -1.0, 1.0)) - lane_slope[0]
     zero, away = jnp.zeros_like(slope), start.offset - lane[0]
@@ -52,24 +48,24 @@ def connect(
 
 def room_along(
     path: Path,
-    speed: Float[Array, "k"],
+    driving: Driving,
+    *,
     time: Float[Array, "k"],
     horizon: float | Array,
     prediction: Prediction,
     follower: Float[Array, "b"],
-    vehicle: VehicleParams,
-    params: ClearanceParams,
-    relaxation: Relaxation,
 ) -> Float[Array, ""]:
-    """Smallest gap in metres to any predicted box over a path, within a time `horizon` in seconds.
+    """Smallest gap [] m to any predicted box over a path, within a time.
 
-    Args: speed, time [K], of passing each point; follower [B], degree to which an object does not count.
+    Args: path [K]; driving, with ClearanceParams; time [K] s, of passing each point; horizon s; prediction, of
+    everybody else; follower [B], degree to which an object does not count.
     """
+    params, relaxation = driving.params, driving.relaxation
     step = safe.norm(jnp.diff(path.position, axis=0, prepend=path.position[:1]))
     passage = Passage(
         position=path.position, heading=path.heading, time=time, step=step, step_time=jnp.diff(time, prepend=time[:1])
     )
-    room = gaps(passage, prediction, follower, vehicle, params, relaxation)
+    room = gaps(passage, driving, prediction=prediction, ignored=follower)
     nearest = soft.minimum(room, relaxation, params.gap_scale)
     # Clearance beyond the horizon counts less and less within its last second, so that no object enters with a jump.
     counts = jnp.clip(horizon - time, 0.0, 1.0)

@@ -21,13 +21,16 @@ class CapParams:
     reaction_time: float = 0.3  # s
 
 
-def along(path: Path, speed_limit: Float[Array, "k"], params: CapParams) -> Float[Array, "k"]:
-    """Speed limit and curve speed at each point of a path, in m/s."""
+def along(path: Path, params: CapParams, *, speed_limit: Float[Array, "k"]) -> Float[Array, "k"]:
+    """Speed limit and curve speed [K] m/s along a path. Args: path [K]; speed_limit [K] m/s, there."""
     return curve_speed(path.curvature, params.lateral_acceleration, cap=speed_limit)
 
 
-def now(path: Path, cap: Float[Array, "k"], signal: SignalAhead, params: CapParams) -> Float[Array, ""]:
-    """Highest speed now, in m/s, from which every cap ahead and a red stop line can be met."""
+def now(path: Path, params: CapParams, *, cap: Float[Array, "k"], signal: SignalAhead) -> Float[Array, ""]:
+    """Highest speed now [] m/s, from which every cap ahead and a red stop line can be met.
+
+    Args: path [K]; cap [K] m/s, along it; signal, the next one.
+    """
     curves = safe.minimum(approach_speed(path.station - path.station[0], cap, deceleration=params.curve_deceleration))
     stop = stop_speed(
         signal.distance - params.stop_margin, params.stop_deceleration, reaction_time=params.reaction_time

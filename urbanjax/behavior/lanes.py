@@ -8,6 +8,7 @@ from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.corridor import Sample
 from urbanjax.types import pytree
+from urbanjax.vehicle.driving import Driving
 
 NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be worth
 
@@ -21,30 +22,29 @@ class LaneParams:
 
 
 def nearest_lane(
-    here: Sample,
-    offset: Float[Array, ""],
-    previous: Float[Array, "q"],
-    params: LaneParams,
-    relaxation: Relaxation,
+    here: Sample, driving: Driving, *, offset: Float[Array, ""], previous: Float[Array, "q"]
 ) -> Float[Array, "q"]:
     """Weights over the lanes across on the one nearest to a lateral `offset` in metres (Eq. 25-26).
 
     The printed nearest link flips at crossings; lanes here belong to the route's corridor, so connectivity and
-    heading hold by construction, and `previous` weights give hysteresis.
+    heading hold by construction, and `previous` weights give hysteresis. Args: here, the lanes across at one station;
+    driving, with LaneParams; offset [] m; previous [Q], the weights of the step before.
     """
+    params = driving.params
     distance = safe.sqrt((here.lane_offset - offset) ** 2 + 1e-6)
     return soft.choose(
-        distance - params.stickiness * previous, relaxation, scale=params.clear_difference, mask=here.has_lane
+        distance - params.stickiness * previous, driving.relaxation, scale=params.clear_difference, mask=here.has_lane
     )
 
 
 def terminal(
-    offset: Float[Array, "k"], lane: Float[Array, "k"], scale: float | Array, relaxation: Relaxation
+    offset: Float[Array, "k"], lane: Float[Array, "k"], *, scale: float | Array, relaxation: Relaxation
 ) -> Float[Array, "k"]:
     """Weights over a path's points on its terminal point, where its move to the side is complete (the t of Eq. 28).
 
     Paths here go on beyond their manoeuvre and may come back, so the terminal point is the one farthest from the ego
-    lane; of equally far ones, the nearest. Args: offset, lane [K] m, of the path and of the ego lane's centre.
+    lane; of equally far ones, the nearest. Args: offset, lane [K] m, of the path and of the ego lane's centre; scale m,
+    by which a point is clearly farther; relaxation, of the choice.
     """
     later = NEARER * jnp.arange(offset.shape[0]).astype(offset.dtype)
     return soft.choose(later - (offset - lane) ** 2, relaxation, scale=scale)

@@ -7,10 +7,10 @@ from jaxtyping import Float
 from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.behavior.tree import TSPSParams
 from urbanjax.numerics import safe, soft
-from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.corridor import Corridor, Progress
+from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.graph import Turn
-from urbanjax.types import Signals, SignalState, VehicleState, pytree
+from urbanjax.types import SignalState, pytree
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -29,20 +29,23 @@ class Body:
         return (self.rear + self.front) / 2
 
 
-def body_of(start: Progress, state: VehicleState, vehicle: VehicleParams) -> Body:
-    """The ego's bumpers and centre along the route. Args: start, where its rear axle is on the route."""
+def body_of(situation: Situation, vehicle: VehicleParams) -> Body:
+    """The ego's bumpers and centre along the route. Args: situation, of the step; vehicle."""
+    start = situation.progress
     rear = start.station - vehicle.rear_overhang
     centre = start.offset + vehicle.centre_offset * jnp.sin(start.heading_error)
-    return Body(rear=rear, front=rear + vehicle.length, offset=centre, speed=state.speed)
+    return Body(rear=rear, front=rear + vehicle.length, offset=centre, speed=situation.ego.speed)
 
 
 def beside(
-    surroundings: Surroundings, occupancy: Float[Array, "o"], body: Body, params: TSPSParams, relaxation: Relaxation
+    surroundings: Surroundings, driving: Driving, *, occupancy: Float[Array, "o"], body: Body
 ) -> Float[Array, ""]:
     """Degree to which some object of a lane stands in the side area: alongside, close ahead, or closing from behind.
 
-    Args: occupancy [O], degree of being in the lane that would be entered.
+    Args: surroundings [O]; driving, with TSPSParams; occupancy [O], degree of being in the lane that would be entered;
+    body, of the ego.
     """
+    params, relaxation = driving.params, driving.relaxation
     closing = jnp.maximum(surroundings.speed - body.speed, 0)
     rear_gap = body.rear - (surroundings.station + surroundings.half_length)
     front_gap = (surroundings.station - surroundings.half_length) - body.front
@@ -54,18 +57,24 @@ def beside(
     return soft.negate(jnp.prod(soft.negate(each)))
 
 
-def entering(
-    lane: Float[Array, ""], body: Body, half_lane: float | Array, params: TSPSParams, relaxation: Relaxation
-) -> Float[Array, ""]:
-    """Degree to which a lane with its centre at offset `lane` is another than the one the vehicle is in."""
+def entering(lane: Float[Array, ""], driving: Driving, *, body: Body, lane_width: Float[Array, ""]) -> Float[Array, ""]:
+    """Degree to which a lane is another than the one the vehicle is in.
+
+    Args: lane [] m, offset of its centre; driving, with TSPSParams; body, of the ego; lane_width [] m, of the ego lane.
+    """
+    params = driving.params
     away = safe.sqrt((lane - body.offset) ** 2 + 1e-6)
-    return soft.above(away, half_lane, relaxation, scale=params.margin_scale)
+    return soft.above(away, params.entered_share * lane_width, driving.relaxation, scale=params.margin_scale)
 
 
 def can_stop(
-    surroundings: Surroundings, occupancy: Float[Array, "o"], body: Body, params: TSPSParams, relaxation: Relaxation
+    surroundings: Surroundings, driving: Driving, *, occupancy: Float[Array, "o"], body: Body
 ) -> Float[Array, ""]:
-    """Degree to which braking below `emergency_deceleration` avoids every object of a lane ahead."""
+    """Degree to which braking below `emergency_deceleration` avoids every object of a lane ahead.
+
+    Args: surroundings [O]; driving, with TSPSParams; occupancy [O], degree of being in the lane; body, of the ego.
+    """
+    params, relaxation = driving.params, driving.relaxation
     gap = surroundings.station - surroundings.half_length - body.front
     ahead = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
     front_speed = jnp.maximum(surroundings.speed, 0)
@@ -79,30 +88,42 @@ def can_stop(
 class SignalAhead:
     """The next stop line on the route."""
 
-    distance: Array  # [] m from the front bumper; large where there is none
+    exists: Array  # [] bool, there is one
+    distance: Array  # [] m from the front bumper; 0 where there is none
     red: Array  # [] 0 or 1: red or yellow
     turning: Array  # [] 0 or 1: the route turns left or right beyond it
 
 
-def signal_ahead(window: Corridor, signals: Signals, body: Body, far: float = 1e3) -> SignalAhead:
-    """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state."""
+def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> SignalAhead:
+    """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state.
+
+    Args: situation, of the step; body, of the ego.
+    """
+    window, signals = situation.window, situation.signals
     distance = window.stop_station - body.front
-    ahead = window.has_stop & (distance > -1.0)
-    distance = jnp.where(ahead, distance, far)
-    nearest = jnp.argmin(distance)
+    ahead = window.has_stop & (distance > -params.line_passed)
+    nearest = jnp.argmin(jnp.where(ahead, distance, jnp.inf))
+    exists = ahead[nearest]
     signal = window.stop_signal[nearest]
     red = jnp.zeros((), bool)
     if signals.state.shape[0] > 0:
         state = signals.state[signal]
         stops = (state == SignalState.RED) | (state == SignalState.YELLOW)
-        red = ahead[nearest] & signals.valid[signal] & stops
-    beyond = (window.station > body.rear) & (window.station < window.stop_station[nearest] + 20.0)
+        red = exists & signals.valid[signal] & stops
+    beyond = (window.station > body.rear) & (window.station < window.stop_station[nearest] + params.turn_reach)
     turns = (window.turn == Turn.LEFT) | (window.turn == Turn.RIGHT)
-    turning = jnp.any(beyond & turns) & ahead[nearest]
+    turning = jnp.any(beyond & turns) & exists
     dtype = distance.dtype
-    return SignalAhead(distance=distance[nearest], red=red.astype(dtype), turning=turning.astype(dtype))
+    return SignalAhead(
+        exists=exists,
+        distance=jnp.where(exists, distance[nearest], 0),
+        red=red.astype(dtype),
+        turning=turning.astype(dtype),
+    )
 
 
-def near_signal(ahead: SignalAhead, params: TSPSParams, relaxation: Relaxation) -> Float[Array, ""]:
-    """Degree to which the next stop line is within `signal_distance`."""
-    return soft.above(params.signal_distance - ahead.distance, 0.0, relaxation, scale=params.signal_distance / 3)
+def near_signal(ahead: SignalAhead, driving: Driving) -> Float[Array, ""]:
+    """Degree to which the next stop line is within `signal_distance`. Args: ahead; driving, with TSPSParams."""
+    reach = driving.params.signal_distance
+    near = soft.above(reach - ahead.distance, 0.0, driving.relaxation, scale=reach / 3)
+    return jnp.where(ahead.exists, near, 0)

@@ -6,14 +6,12 @@ from jaxtyping import Float
 
 from urbanjax.behavior import caps, gvp
 from urbanjax.behavior.gvp import LaneSpeeds
-from urbanjax.behavior.params import BehaviorParams
 from urbanjax.behavior.surroundings import in_lane
 from urbanjax.behavior.tsps import Choice
 from urbanjax.numerics import safe
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import interpolate
-from urbanjax.types import VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.types import pytree
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -26,19 +24,20 @@ class SpeedPlan:
     clamp: Array  # [] m/s, of the time-to-collision clamp
 
 
-def plan(
-    choice: Choice, ego: VehicleState, vehicle: VehicleParams, params: BehaviorParams, relaxation: Relaxation
-) -> SpeedPlan:
-    """v_ref of Eq. 29 in m/s, below speed limit, curve speed and stop line, and below the collision clamp."""
-    scene, path, terminal = choice.scene, choice.path, choice.terminal
-    around, body = scene.surroundings, scene.body
-    cap = caps.now(path, choice.cap, scene.signal, params.caps)
+def plan(choice: Choice, driving: Driving) -> SpeedPlan:
+    """v_ref of Eq. 29 in m/s, below speed limit, curve speed and stop line, and below the collision clamp.
+
+    Args: choice, of the path; driving, with BehaviorParams.
+    """
+    params, view, path, terminal = driving.params, choice.view, choice.path, choice.terminal
+    around, body = view.surroundings, view.body
+    cap = caps.now(path, params.caps, cap=choice.cap, signal=view.signal)
 
     def lane_speed(weights: Float[Array, "q"], front: Array, time: float | Array) -> Float[Array, ""]:
         lane = around.lane_offset @ weights
-        occupancy = in_lane(around, lane, vehicle.width / 2, params.occupancy, relaxation)
+        occupancy = in_lane(around, driving.of(params.occupancy), lane=lane)
         lead = around.station - around.half_length + time * around.speed - front
-        return gvp.following_speed(around, occupancy, body.front, lead, ego.speed, cap, params.headway, relaxation)
+        return gvp.following_speed(around, driving, occupancy=occupancy, body=body, lead=lead, cap=cap)
 
     def distances(offset: Float[Array, ""], lanes: Float[Array, "q"]) -> tuple[Array, Array]:
         to_target, to_ego = (offset - lanes @ weights for weights in (choice.target_lane, choice.ego_lane))
@@ -46,14 +45,14 @@ def plan(
 
     arrival = terminal @ path.station + body.front - path.station[0]
     lanes = gvp.plan_speed(
-        terminal=distances(terminal @ path.offset, terminal @ scene.road.lane_offset),
-        centre=distances(body.offset, scene.here.lane_offset),
+        terminal=distances(terminal @ path.offset, terminal @ view.road.lane_offset),
+        centre=distances(body.offset, view.here.lane_offset),
         v_target=lane_speed(choice.target_lane, arrival, terminal @ choice.time),
         v_ego=lane_speed(choice.ego_lane, body.front, 0.0),
         params=params.gvp,
     )
     rear = around.station - around.half_length
     on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
-    clamp = gvp.clamp(around, on_path, body.front, vehicle, params.gvp, params.occupancy, relaxation)
+    clamp = gvp.clamp(around, driving, path_offset=on_path, front=body.front)
     reference = jnp.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
     return SpeedPlan(reference=reference, lanes=lanes, cap=cap, clamp=clamp)

@@ -6,9 +6,9 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.corridor import Corridor, progress, sample
 from urbanjax.types import Objects, pytree
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -34,7 +34,10 @@ class Surroundings:
 
 
 def relate(objects: Objects, window: Corridor) -> Surroundings:
-    """Every object related to the route's reference line. Objects beyond the window or off the road are invalid."""
+    """Every object related to the route's reference line; beyond the window or off the road they are invalid.
+
+    Args: objects [O]; window, the lanes around the vehicle.
+    """
     seen = jax.vmap(lambda position, heading: progress(window, position, heading))(objects.position, objects.heading)
     cos, sin = jnp.cos(seen.heading_error), jnp.sin(seen.heading_error)
     half_length, half_width = objects.length / 2, objects.width / 2
@@ -54,18 +57,14 @@ def relate(objects: Objects, window: Corridor) -> Surroundings:
     )
 
 
-def in_lane(
-    surroundings: Surroundings,
-    lane: Float[Array, "o"],
-    half_width: float | Array,
-    params: OccupancyParams,
-    relaxation: Relaxation,
-) -> Float[Array, "o"]:
+def in_lane(surroundings: Surroundings, driving: Driving, *, lane: Float[Array, "o"]) -> Float[Array, "o"]:
     """Degree to which each object occupies a lane, now or after `anticipation` seconds.
 
-    Args: lane [O] m, offset of the lane's centre at each object's station; half_width m, of the ego vehicle.
+    Args: surroundings [O]; driving, with OccupancyParams; lane [O] m, offset of the lane's centre at each object's
+    station.
     """
-    reach = surroundings.half_width + half_width + params.lateral_margin
+    params, relaxation = driving.params, driving.relaxation
+    reach = surroundings.half_width + driving.vehicle.width / 2 + params.lateral_margin
 
     def occupied(offset: Array) -> Array:
         beside = safe.sqrt((offset - lane) ** 2 + 1e-6)

@@ -5,8 +5,8 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import soft
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import Decision, pytree, static
+from urbanjax.vehicle.driving import Driving
 
 ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
 
@@ -18,10 +18,13 @@ class TSPSParams:
     horizon: float = 6.0  # s, over which a path must be free of collisions
     margin: float = 0.35  # m, clearance that a feasible path keeps
     margin_scale: float = 0.5  # m
-    patience: float = 3.0  # steps, time constant of the filter on "the route is blocked" (hysteresis)
+    patience: float = 0.3  # s, time constant of the filter on "the route is blocked" (hysteresis)
     standing_speed: float = 0.3  # m/s, below which the vehicle stands
-    stuck_steps: float = 30.0  # steps, after which a standing vehicle is stuck
+    stuck_time: float = 3.0  # s, after which a standing vehicle is stuck
     signal_distance: float = 30.0  # m, to the stop line
+    line_passed: float = 1.0  # m behind the front bumper, up to which a stop line is still the next one
+    turn_reach: float = 20.0  # m beyond a stop line, within which a turn belongs to its signal
+    entered_share: float = 0.25  # of the ego lane's width, by which a lane's centre is beside the vehicle to be another
     side_rear: float = 3.0  # m, free space behind the rear bumper in the lane that is entered
     side_front: float = 2.0  # m, free space before the front bumper
     side_time: float = 1.5  # s, by which the rear space grows with the closing speed
@@ -48,7 +51,7 @@ class Conditions:
 class TSPSState:
     """What selection remembers."""
 
-    stuck: Array  # [] steps that the vehicle has stood without a red signal
+    stuck: Array  # [] s that the vehicle has stood without a red signal
     blocked: Array  # [] filtered degree to which the route is infeasible
 
 
@@ -62,34 +65,39 @@ class Selection:
 
 
 def init(dtype: jnp.dtype) -> TSPSState:
-    """Nothing remembered."""
+    """Nothing remembered. Args: dtype, of its floats."""
     return TSPSState(stuck=jnp.zeros((), dtype), blocked=jnp.zeros((), dtype))
 
 
 def remember(
     state: TSPSState,
+    driving: Driving,
+    *,
     speed: Float[Array, ""],
     red: Float[Array, ""],
     route_free: Float[Array, ""],
-    params: TSPSParams,
-    relaxation: Relaxation,
 ) -> TSPSState:
-    """The counters one step on: the stuck counter rises while standing, is held at red and is cleared by moving."""
-    moving = soft.above(speed, params.standing_speed, relaxation, scale=params.standing_speed)
-    stuck = soft.negate(moving) * (state.stuck + soft.negate(red))
-    blocked = state.blocked + (soft.negate(route_free) - state.blocked) / jnp.maximum(params.patience, 1.0)
+    """The counters one step on: the time stuck rises while standing, is held at red and is cleared by moving.
+
+    Args: state; driving, with TSPSParams; speed [] m/s; red, route_free [], degrees.
+    """
+    params, period = driving.params, driving.period
+    moving = soft.above(speed, params.standing_speed, driving.relaxation, scale=params.standing_speed)
+    stuck = soft.negate(moving) * (state.stuck + period * soft.negate(red))
+    share = period / jnp.maximum(params.patience, period)
+    blocked = state.blocked + (soft.negate(route_free) - state.blocked) * share
     return TSPSState(stuck=stuck, blocked=blocked)
 
 
-def decide(situation: Conditions, params: TSPSParams) -> Selection:
+def decide(conditions: Conditions, params: TSPSParams) -> Selection:
     """The tree of Fig. 5 (Eq. 27) in its order; with degrees 0 and 1 exactly one outcome has weight 1.
 
     (1) route feasible -> route; (2) stuck -> micro; (3) micro infeasible -> route; (4) turning at a signal -> route;
     (5) side area occupied -> ego lane; (6) micro. Rule 3 keeps the ego lane instead while a vehicle beside blocks the
     way back to the route's lane. Where neither path is feasible and no lane lets the vehicle stop
-    by normal braking, the outcome is an emergency stop along the route.
+    by normal braking, the outcome is an emergency stop along the route. Args: conditions, of Fig. 5.
     """
-    rest = jnp.ones_like(situation.route_feasible)
+    rest = jnp.ones_like(conditions.route_feasible)
     outcome = {}
 
     def take(reason: Decision, degree: Array) -> None:
@@ -97,23 +105,23 @@ def decide(situation: Conditions, params: TSPSParams) -> Selection:
         outcome[reason] = soft.both(rest, degree)
         rest = soft.both(rest, soft.negate(degree))
 
-    escape = situation.stuck
+    escape = conditions.stuck
     if params.stuck_needs_micro:
-        escape = soft.both(escape, situation.micro_feasible)
+        escape = soft.both(escape, conditions.micro_feasible)
     if params.side_gates_stuck:
-        escape = soft.both(escape, soft.negate(situation.side_occupied))
-    infeasible = soft.negate(situation.micro_feasible)
-    take(Decision.ROUTE_FEASIBLE, situation.route_feasible)
+        escape = soft.both(escape, soft.negate(conditions.side_occupied))
+    infeasible = soft.negate(conditions.micro_feasible)
+    take(Decision.ROUTE_FEASIBLE, conditions.route_feasible)
     take(Decision.STUCK_ESCAPE, escape)
-    take(Decision.EMERGENCY_STOP, soft.both(infeasible, soft.negate(situation.stoppable)))
+    take(Decision.EMERGENCY_STOP, soft.both(infeasible, soft.negate(conditions.stoppable)))
     take(Decision.MICRO_INFEASIBLE, infeasible)
-    take(Decision.TURN_AT_SIGNAL, situation.turning_at_signal)
-    take(Decision.SIDE_OCCUPIED, situation.side_occupied)
+    take(Decision.TURN_AT_SIGNAL, conditions.turning_at_signal)
+    take(Decision.SIDE_OCCUPIED, conditions.side_occupied)
     outcome[Decision.OVERTAKE] = rest
     decision = jnp.stack([outcome[d] for d in Decision])
     micro = outcome[Decision.STUCK_ESCAPE] + outcome[Decision.OVERTAKE]
     # "Keep the lane" (rule 3) means the ego lane where the route's lane is occupied alongside.
-    ego = outcome[Decision.SIDE_OCCUPIED] + soft.both(outcome[Decision.MICRO_INFEASIBLE], situation.return_occupied)
+    ego = outcome[Decision.SIDE_OCCUPIED] + soft.both(outcome[Decision.MICRO_INFEASIBLE], conditions.return_occupied)
     return Selection(
         path=jnp.stack([1 - micro - ego, micro, ego]), decision=decision, emergency=outcome[Decision.EMERGENCY_STOP]
     )

@@ -8,7 +8,6 @@ from jaxtyping import Float
 from urbanjax.behavior import caps
 from urbanjax.behavior.candidates import connect, room_along
 from urbanjax.behavior.lanes import nearest_lane, terminal
-from urbanjax.behavior.params import BehaviorParams
 from urbanjax.behavior.situation import (
     Body,
     SignalAhead,
@@ -22,11 +21,11 @@ from urbanjax.behavior.situation import (
 from urbanjax.behavior.surroundings import Surroundings, in_lane, relate
 from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember
 from urbanjax.numerics import soft
-from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning.micro import MicroPlan
+from urbanjax.planning.plan import Plan
+from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.corridor import Corridor, Progress, Sample, sample, sample_one
-from urbanjax.types import Observation, Path, Prediction, VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.types import Path, pytree
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.profile import free_flow
 
 
@@ -79,137 +78,157 @@ class Choice:
     ego_lane: Array  # [Q] weights, Eq. 26
     target_lane: Array  # [Q] weights, the lane that the path leads to
     selection: Selection
-    situation: Conditions
+    conditions: Conditions
     clearance: Array  # [3] m, smallest clearance of (route, micro, ego lane)
-    scene: View
+    view: View
 
 
 def init(start: Progress, corridor: Corridor) -> SelectState:
-    """Nothing remembered; the ego lane is the route's."""
+    """Nothing remembered; the ego lane is the route's. Args: start, of the ego; corridor, along the route."""
     weights = jnp.zeros_like(corridor.lane_offset[0]).at[corridor.route_lane].set(1)
     zero = jnp.zeros_like(start.offset)
     return SelectState(tree=TSPSState(stuck=zero, blocked=zero), ego_lane=weights)
 
 
-def select(
-    window: Corridor,
-    start: Progress,
-    ego: VehicleState,
-    observation: Observation,
-    prediction: Prediction,
-    follower: Float[Array, "b"],
-    micro: MicroPlan,
-    state: SelectState,
-    vehicle: VehicleParams,
-    params: BehaviorParams,
-    relaxation: Relaxation,
-) -> tuple[SelectState, Choice]:
+def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectState) -> tuple[SelectState, Choice]:
     """The path that task-specific path selection chooses (Eq. 27), and the state one step on.
 
     Route and ego-lane paths start at the present pose and are judged at free-flow speed without car following:
-    otherwise a slow leader would never make the route infeasible. Args: follower [B], degree to which a predicted
-    object follows the ego, and so does not count.
+    otherwise a slow leader would never make the route infeasible. Args: situation, of the step; driving, with
+    BehaviorParams; plan, the motion plan; state, what is remembered.
     """
-    body, station = body_of(start, ego, vehicle), micro.path.station
-    scene = View(
-        road=sample(window, station),
-        here=sample_one(window, body.front),
-        surroundings=relate(observation.objects, window),
-        body=body,
-        signal=signal_ahead(window, observation.signals, body),
+    params, relaxation, micro = driving.params, driving.relaxation, plan.micro
+    view = look(situation, driving, path=micro.path)
+    lanes = find_lanes(view, driving, micro=micro.path, previous=state.ego_lane)
+    candidates = compare(situation, driving, plan=plan, view=view, lanes=lanes)
+    memory, conditions = assess(
+        view,
+        driving,
+        lanes=lanes,
+        route_clearance=candidates.clearance[ROUTE],
+        micro_feasible=micro.feasible,
+        state=state.tree,
     )
-    lanes = find_lanes(scene, micro.path, window.route_lane, state.ego_lane, params, relaxation)
-
-    def candidate(lane: Float[Array, "q"]) -> Candidate:
-        path = connect(scene.road, start, ego, station, scene.road.lane_offset @ lane, params.connect)
-        cap = caps.along(path, scene.road.speed_limit, params.caps)
-        speed, time = free_flow(ego.speed, cap, distance=station - station[0], params=params.profile)
-        horizon = params.tsps.horizon
-        room = room_along(path, speed, time, horizon, prediction, follower, vehicle, params.clearance, relaxation)
-        return Candidate(path=path, cap=cap, time=time, clearance=room)
-
-    cap = caps.along(micro.path, scene.road.speed_limit, params.caps)
-    over = Candidate(path=micro.path, cap=cap, time=micro.time, clearance=micro.clearance)
-    others = jax.vmap(candidate)(jnp.stack([lanes.route, lanes.ego]))
-    candidates = jax.tree.map(lambda a, b: jnp.stack([a[0], b, a[1]]), others, over)
-    memory, situation = assess(
-        scene, lanes, candidates.clearance[ROUTE], micro.feasible, state.tree, vehicle, params, relaxation
-    )
-    selection = decide(situation, params.tsps)
+    selection = decide(conditions, params.tsps)
     chosen, target = soft.mixed(selection.path, (candidates, jnp.stack([lanes.route, lanes.micro, lanes.ego])))
-    along_ego = scene.road.lane_offset @ lanes.ego
+    along_ego, scale = view.road.lane_offset @ lanes.ego, params.connect.terminal_scale
     choice = Choice(
         path=chosen.path,
         cap=chosen.cap,
         time=chosen.time,
-        terminal=terminal(chosen.path.offset, along_ego, params.connect.terminal_scale, relaxation),
+        terminal=terminal(chosen.path.offset, along_ego, scale=scale, relaxation=relaxation),
         ego_lane=lanes.ego,
         target_lane=target,
         selection=selection,
-        situation=situation,
+        conditions=conditions,
         clearance=candidates.clearance,
-        scene=scene,
+        view=view,
     )
     return SelectState(tree=memory, ego_lane=lanes.ego), choice
 
 
-def find_lanes(
-    scene: View,
-    micro: Path,
-    route_lane: int,
-    previous: Float[Array, "q"],
-    params: BehaviorParams,
-    relaxation: Relaxation,
-) -> LaneWeights:
-    """The route's lane, the ego lane and the lane in which the micro path has its terminal point."""
-    ego = nearest_lane(scene.here, scene.body.offset, previous, params.lanes, relaxation)
-    end = terminal(micro.offset, scene.road.lane_offset @ ego, params.connect.terminal_scale, relaxation)
-    exists = end @ scene.road.has_lane.astype(end.dtype) > 0.5
-    there = scene.here.replace(lane_offset=end @ scene.road.lane_offset, has_lane=exists)
+def look(situation: Situation, driving: Driving, *, path: Path) -> View:
+    """What behaviour looks at. Args: situation, of the step; driving, with BehaviorParams; path, the micro plan's."""
+    body = body_of(situation, driving.vehicle)
+    return View(
+        road=sample(situation.window, path.station),
+        here=sample_one(situation.window, body.front),
+        surroundings=relate(situation.objects, situation.window),
+        body=body,
+        signal=signal_ahead(situation, body, params=driving.params.tsps),
+    )
+
+
+def compare(situation: Situation, driving: Driving, *, plan: Plan, view: View, lanes: LaneWeights) -> Candidate:
+    """The three paths of Eq. 27, stacked, each with its caps, its times and its clearance.
+
+    Args: situation, of the step; driving, with BehaviorParams; plan, the motion plan; view; lanes, of the paths.
+    """
+    params, micro, station, road = driving.params, plan.micro, plan.micro.path.station, view.road
+
+    def along(lane: Float[Array, "q"]) -> Candidate:
+        path = connect(situation, params.connect, road=road, station=station, lane=road.lane_offset @ lane)
+        cap = caps.along(path, params.caps, speed_limit=road.speed_limit)
+        _, time = free_flow(situation.ego.speed, cap, distance=station - station[0], params=params.profile)
+        room = room_along(
+            path,
+            driving.of(params.clearance),
+            time=time,
+            horizon=params.tsps.horizon,
+            prediction=situation.prediction,
+            follower=plan.macro.follower,
+        )
+        return Candidate(path=path, cap=cap, time=time, clearance=room)
+
+    cap = caps.along(micro.path, params.caps, speed_limit=road.speed_limit)
+    over = Candidate(path=micro.path, cap=cap, time=micro.time, clearance=micro.clearance)
+    others = jax.vmap(along)(jnp.stack([lanes.route, lanes.ego]))
+    return jax.tree.map(lambda a, b: jnp.stack([a[0], b, a[1]]), others, over)
+
+
+def find_lanes(view: View, driving: Driving, *, micro: Path, previous: Float[Array, "q"]) -> LaneWeights:
+    """The route's lane, the ego lane and the lane in which the micro path has its terminal point.
+
+    Args: view; driving, with BehaviorParams; micro, the micro path; previous [Q], weights of the ego lane a step
+    earlier.
+    """
+    params, road, telling = driving.params, view.road, driving.of(driving.params.lanes)
+    ego = nearest_lane(view.here, telling, offset=view.body.offset, previous=previous)
+    end = terminal(
+        micro.offset, road.lane_offset @ ego, scale=params.connect.terminal_scale, relaxation=driving.relaxation
+    )
+    exists = end @ road.has_lane.astype(end.dtype) > 0.5
+    there = view.here.replace(lane_offset=end @ road.lane_offset, has_lane=exists)
     nowhere = jnp.zeros_like(previous)
     return LaneWeights(
-        route=nowhere.at[route_lane].set(1),
+        route=nowhere.at[previous.shape[0] // 2].set(1),
         ego=ego,
-        micro=nearest_lane(there, end @ micro.offset, nowhere, params.lanes, relaxation),
+        micro=nearest_lane(there, telling, offset=end @ micro.offset, previous=nowhere),
     )
 
 
 def assess(
-    scene: View,
+    view: View,
+    driving: Driving,
+    *,
     lanes: LaneWeights,
     route_clearance: Float[Array, ""],
     micro_feasible: Float[Array, ""],
     state: TSPSState,
-    vehicle: VehicleParams,
-    params: BehaviorParams,
-    relaxation: Relaxation,
 ) -> tuple[TSPSState, Conditions]:
-    """The inputs of the decision tree, as degrees, and its counters one step on."""
-    tree, here, body, around = params.tsps, scene.here, scene.body, scene.surroundings
+    """The inputs of the decision tree, as degrees, and its counters one step on.
+
+    Args: view; driving, with BehaviorParams; lanes, of the paths; route_clearance [] m; micro_feasible [], degree;
+    state, the counters.
+    """
+    params, relaxation = driving.params, driving.relaxation
+    tree, here, body, around = params.tsps, view.here, view.body, view.surroundings
+    deciding = driving.of(tree)
 
     def occupied(lane: Float[Array, "q"]) -> Float[Array, "o"]:
-        return in_lane(around, around.lane_offset @ lane, vehicle.width / 2, params.occupancy, relaxation)
+        return in_lane(around, driving.of(params.occupancy), lane=around.lane_offset @ lane)
 
     def blocked_beside(lane: Float[Array, "q"], occupancy: Float[Array, "o"]) -> Float[Array, ""]:
-        enters = entering(here.lane_offset @ lane, body, here.lane_width @ lanes.ego / 4, tree, relaxation)
-        return soft.both(enters, beside(around, occupancy, body, tree, relaxation))
+        enters = entering(here.lane_offset @ lane, deciding, body=body, lane_width=here.lane_width @ lanes.ego)
+        return soft.both(enters, beside(around, deciding, occupancy=occupancy, body=body))
 
     in_route, in_ego, in_micro = occupied(lanes.route), occupied(lanes.ego), occupied(lanes.micro)
     return_occupied = blocked_beside(lanes.route, in_route)
     clear = soft.above(route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
-    near = near_signal(scene.signal, tree, relaxation)
-    route_free = soft.both(clear, soft.negate(return_occupied))
-    memory = remember(state, body.speed, soft.both(near, scene.signal.red), route_free, tree, relaxation)
-    situation = Conditions(
+    near = near_signal(view.signal, deciding)
+    route_free, red = soft.both(clear, soft.negate(return_occupied)), soft.both(near, view.signal.red)
+    memory = remember(state, deciding, speed=body.speed, red=red, route_free=route_free)
+    conditions = Conditions(
+        # Of two halves: the filter says what holds more often than not.
         route_feasible=soft.above(0.5 - memory.blocked, 0.0, relaxation, scale=0.5),
-        stuck=soft.above(memory.stuck, tree.stuck_steps, relaxation, scale=tree.stuck_steps / 4),
+        stuck=soft.above(memory.stuck, tree.stuck_time, relaxation, scale=tree.stuck_time / 4),
         micro_feasible=micro_feasible,
-        turning_at_signal=soft.both(near, scene.signal.turning),
+        turning_at_signal=soft.both(near, view.signal.turning),
         side_occupied=blocked_beside(lanes.micro, in_micro),
         return_occupied=return_occupied,
         stoppable=soft.either(
-            can_stop(around, in_route, body, tree, relaxation),
-            can_stop(around, in_ego, body, tree, relaxation),
+            can_stop(around, deciding, occupancy=in_route, body=body),
+            can_stop(around, deciding, occupancy=in_ego, body=body),
         ),
     )
-    return memory, situation
+    return memory, conditions

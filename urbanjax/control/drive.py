@@ -6,7 +6,7 @@ from jaxtyping import Float
 from urbanjax.control.longitudinal import LongitudinalParams, accelerate
 from urbanjax.control.pure_pursuit import PurePursuitParams, steer
 from urbanjax.types import Command, Path, VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -18,15 +18,15 @@ class ControlParams:
 
 
 def follow(
-    path: Path,
-    reference: Float[Array, ""],
-    emergency: Float[Array, ""],
-    state: VehicleState,
-    vehicle: VehicleParams,
-    params: ControlParams,
+    path: Path, driving: Driving, *, reference: Float[Array, ""], emergency: Float[Array, ""], state: VehicleState
 ) -> Command:
-    """The command that follows `path` at the `reference` speed in m/s; full braking as `emergency` goes to 1."""
+    """The command that follows a path at a speed.
+
+    Args: path; driving, with ControlParams; reference [] m/s, the speed; emergency [], the share of full braking;
+    state, of the ego.
+    """
+    params = driving.params
     return Command(
-        acceleration=accelerate(state.speed, reference, emergency, params.longitudinal, vehicle),
-        steering=steer(path, state, params.lateral, vehicle),
+        acceleration=accelerate(state.speed, driving.of(params.longitudinal), reference=reference, emergency=emergency),
+        steering=steer(path, driving.of(params.lateral), state=state),
     )

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import lean
 from urbanjax.types import pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -19,13 +19,13 @@ class LongitudinalParams:
 
 
 def accelerate(
-    speed: Float[Array, ""],
-    reference: Float[Array, ""],
-    emergency: Float[Array, ""],
-    params: LongitudinalParams,
-    vehicle: VehicleParams,
+    speed: Float[Array, ""], driving: Driving, *, reference: Float[Array, ""], emergency: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1."""
+    """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1.
+
+    Args: speed [] m/s; driving, with LongitudinalParams; reference [] m/s; emergency [], a share.
+    """
+    params, vehicle = driving.params, driving.vehicle
     upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
     lower = -jnp.minimum(params.comfort_deceleration, vehicle.max_deceleration)
     tracking = lean.clip((reference - speed) / params.time_constant, lower, upper)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from urbanjax.geometry import polyline
 from urbanjax.numerics import lean, safe
 from urbanjax.types import Path, VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -20,17 +20,22 @@ class PurePursuitParams:
 
 
 def look_ahead(path: Path, distance: Float[Array, ""]) -> Float[Array, "2"]:
-    """The point of `path` at a travelled `distance` from its first point, by linear interpolation, in metres."""
+    """The point [2] m of a path at a way along it, by linear interpolation.
+
+    Args: path; distance [] m, from its start.
+    """
     chords = safe.norm(jnp.diff(path.position, axis=0))
     return polyline.interpolate(lean.running_sum(chords), path.position, distance)
 
 
-def steer(path: Path, state: VehicleState, params: PurePursuitParams, vehicle: VehicleParams) -> Float[Array, ""]:
+def steer(path: Path, driving: Driving, *, state: VehicleState) -> Float[Array, ""]:
     """Road-wheel angle delta = atan(2 L sin(alpha) / l_d), in radians (section IV-E, control).
 
     alpha is the bearing of the look-ahead point seen from the rear axle and l_d its true distance, so the arc
-    passes through the point. Not differentiable at the two ends of the look-ahead clip.
+    passes through the point. Not differentiable at the two ends of the look-ahead clip. Args: path; driving, with
+    PurePursuitParams; state, of the ego.
     """
+    params, vehicle = driving.params, driving.vehicle
     distance = lean.clip(params.gain * state.speed, params.minimum, params.maximum)
     to_point = look_ahead(path, distance) - state.position
     x, y = jnp.unstack(to_point)

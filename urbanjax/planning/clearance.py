@@ -7,10 +7,10 @@ from jaxtyping import Float
 from urbanjax.geometry.boxes import Box, relaxed_box_gap
 from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.once import once
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import product
 from urbanjax.planning.prediction import time_weights
 from urbanjax.types import Prediction, VehicleState, pytree
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -36,8 +36,11 @@ class Passage:
     step_time: Array | None = None  # [n] s, time for it
 
 
-def ego_boxes(passage: Passage, vehicle: VehicleParams, origin: Float[Array, "2"]) -> Box:
-    """Boxes [n] of the ego at the points of a passage, relative to `origin` (m)."""
+def ego_boxes(passage: Passage, vehicle: VehicleParams, *, origin: Float[Array, "2"]) -> Box:
+    """Boxes [n] of the ego at the points of a passage.
+
+    Args: passage; vehicle; origin [2] m, that they are relative to.
+    """
     cos, sin = jnp.cos(passage.heading), jnp.sin(passage.heading)
     x, y = jnp.unstack(passage.position - origin[None, :], axis=-1)
     x, y = x + vehicle.centre_offset * cos, y + vehicle.centre_offset * sin
@@ -45,10 +48,11 @@ def ego_boxes(passage: Passage, vehicle: VehicleParams, origin: Float[Array, "2"
     return Box(*once(x, y, cos, sin), half_length=half_length, half_width=half_width)
 
 
-def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Float[Array, "2"]) -> Box:
-    """Boxes [n, B] of every object and branch at times [n] (s), relative to `origin` (m).
+def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], *, origin: Float[Array, "2"]) -> Box:
+    """Boxes [n, B] of every object and branch at some times.
 
-    The heading is interpolated as a unit vector, which spares trigonometry for each box.
+    The heading is interpolated as a unit vector, which spares trigonometry for each box. Args: prediction, of everybody
+    else; time [n] s from now; origin [2] m, that the boxes are relative to.
     """
     local, heading = prediction.position - origin[None, None, :], prediction.heading
     weights = time_weights(prediction, time)
@@ -60,44 +64,36 @@ def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], origin: Flo
 
 
 def gaps(
-    passage: Passage,
-    prediction: Prediction,
-    ignored: Float[Array, "b"],
-    vehicle: VehicleParams,
-    params: ClearanceParams,
-    relaxation: Relaxation,
+    passage: Passage, driving: Driving, *, prediction: Prediction, ignored: Float[Array, "b"]
 ) -> Float[Array, "n b"]:
     """Signed gap [n, B] (m) between the ego at each point and each predicted box when the point is passed.
 
     The ego is lengthened by the way it covers *relative* to the object between points, so that nothing is skipped: by
-    one step against a parked car, not at all behind a leader of equal speed. Args: ignored [B], degree to which an
-    object does not count.
+    one step against a parked car, not at all behind a leader of equal speed. Args: passage, of the ego; driving, with
+    ClearanceParams; prediction, of everybody else; ignored [B], degree to which an object does not count.
     """
-    origin = passage.position[0]
-    ego, other = ego_boxes(passage, vehicle, origin), predicted_boxes(prediction, passage.time, origin)
+    origin, params = passage.position[0], driving.params
+    ego = ego_boxes(passage, driving.vehicle, origin=origin)
+    other = predicted_boxes(prediction, passage.time, origin=origin)
     half_length = ego.half_length + params.margin
     if passage.step is not None and passage.step_time is not None:
         along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
         swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
         half_length = half_length + jnp.abs(swept) / 2
     ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
-    room = relaxed_box_gap(ego, other, relaxation, params.gap_scale) + params.far * ignored[None, :]
+    room = relaxed_box_gap(ego, other, driving.relaxation, params.gap_scale) + params.far * ignored[None, :]
     valid = jnp.broadcast_to(prediction.valid[None, :], room.shape)
     return jnp.minimum(lean.where(valid, room, params.far), params.far)
 
 
-def followers(
-    state: VehicleState,
-    prediction: Prediction,
-    vehicle: VehicleParams,
-    params: ClearanceParams,
-    relaxation: Relaxation,
-) -> Float[Array, "b"]:
+def followers(state: VehicleState, driving: Driving, *, prediction: Prediction) -> Float[Array, "b"]:
     """Degree to which each object [B] follows the ego: behind it, going its way, bound to reach where it stands now.
 
     At constant speed every follower would run into an ego that is slower or sets off; keeping that gap is the
     follower's part. A vehicle behind in another lane does not come where the ego stands, and so still counts.
+    Args: state, of the ego; driving, with ClearanceParams; prediction, of everybody else.
     """
+    params, relaxation = driving.params, driving.relaxation
     n = prediction.time.shape[0]
     here = Passage(
         position=jnp.broadcast_to(state.position, (n, 2)),
@@ -107,12 +103,12 @@ def followers(
         step_time=jnp.broadcast_to(prediction.time[1] - prediction.time[0], (n,)),
     )
     nobody = jnp.zeros_like(prediction.speed)
-    reaches = safe.minimum(gaps(here, prediction, nobody, vehicle, params, relaxation), 0)
+    reaches = safe.minimum(gaps(here, driving, prediction=prediction, ignored=nobody), 0)
     cos, sin = jnp.cos(state.heading), jnp.sin(state.heading)
     x, y = jnp.unstack(prediction.position[:, 0] - state.position[None, :], axis=-1)
-    ahead = x * cos + y * sin + prediction.length / 2 + vehicle.rear_overhang
+    ahead = x * cos + y * sin + prediction.length / 2 + driving.vehicle.rear_overhang
     same_way = jnp.cos(prediction.heading[:, 0] - state.heading)
     behind = soft.above(-ahead, 0.0, relaxation, scale=params.follower_scale)
     hits = soft.above(-reaches, 0.0, relaxation, scale=params.follower_scale)
-    goes = soft.above(same_way, params.follower_heading, relaxation, scale=0.5)
+    goes = soft.above(same_way, params.follower_heading, relaxation, scale=0.5)  # a difference of cosines that is clear
     return behind * hits * goes

@@ -8,7 +8,6 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import safe
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import interpolate, smooth
 from urbanjax.planning.clearance import ClearanceParams, followers
 from urbanjax.planning.cross_section import cross_sections
@@ -17,10 +16,10 @@ from urbanjax.planning.lattice.edges import CORNER, fine_stations, layers_of
 from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
 from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.previous import Previous
-from urbanjax.roadmap.corridor import Corridor, Progress
-from urbanjax.types import Prediction, VehicleState, pytree, static
+from urbanjax.planning.situation import Situation
+from urbanjax.types import pytree, static
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.limits import curve_speed
-from urbanjax.vehicle.params import VehicleParams
 from urbanjax.vehicle.profile import ProfileParams, free_flow
 
 __all__ = ["MACRO_TERMS", "MacroParams", "MacroPlan", "layered_search", "offset_at", "plan", "profile_at"]
@@ -63,34 +62,29 @@ class MacroPlan:
     start_speed: Array  # [] m/s
 
 
-def plan(
-    window: Corridor,
-    progress: Progress,
-    state: VehicleState,
-    prediction: Prediction,
-    previous: Previous,
-    vehicle: VehicleParams,
-    params: MacroParams,
-    relaxation: Relaxation,
-) -> MacroPlan:
+def plan(situation: Situation, driving: Driving, *, previous: Previous) -> MacroPlan:
     """The lateral plan over the lanes ahead that costs least (Eq. 13-15).
 
     Eq. 13 as printed rewards nearness to obstacles and signed curvature, and Eq. 15 minimises over single nodes; here
-    obstacles are a barrier, curvature is absolute, and the minimum is over paths. Args: progress, of the rear axle.
+    obstacles are a barrier, curvature is absolute, and the minimum is over paths. Args: situation, of the step;
+    driving, with MacroParams; previous, the plan of the step before.
     """
-    spacing = layer_spacing(window, progress, state, params)
+    window, progress, state, prediction = situation.window, situation.progress, situation.ego, situation.prediction
+    vehicle, params, relaxation = driving.vehicle, driving.params, driving.relaxation
+    weighing = driving.of(params.weights)
+    spacing = layer_spacing(situation, params)
     distance = spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
     road = cross_sections(window, fine_stations(progress.station + distance, CORNER))
     layers = layers_of(road, CORNER)
     cap = curve_speed(layers.curvature, params.lateral_acceleration, cap=layers.limit)
     speed, time = free_flow(state.speed, cap, distance=distance, params=params.profile)
-    layers = lattice.build(road, speed, time, params.nodes_per_lane)
-    follower = followers(state, prediction, vehicle, params.clearance, relaxation)
-    room = lattice.clearance(layers, prediction, follower, vehicle, params.clearance, relaxation)
-    nodes, node_bad = lattice.node_terms(layers, room, previous, vehicle, params.weights, relaxation)
-    ways = lattice.ways(layers, progress.offset, vehicle)
-    start, start_bad = lattice.start_terms(layers, ways, progress.offset, params.weights, relaxation)
-    edges, edge_bad = lattice.edge_terms(layers, ways, vehicle, params.weights, relaxation)
+    layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
+    follower = followers(state, driving.of(params.clearance), prediction=prediction)
+    room = lattice.clearance(layers, driving.of(params.clearance), prediction=prediction, follower=follower)
+    nodes, node_bad = lattice.node_terms(layers, weighing, room=room, previous=previous)
+    ways = lattice.ways(layers, progress.offset, vehicle=vehicle)
+    start, start_bad = lattice.start_terms(layers, weighing, ways=ways, offset=progress.offset)
+    edges, edge_bad = lattice.edge_terms(layers, weighing, ways=ways)
 
     node_cost = functools.reduce(operator.add, nodes.values())
     start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]
@@ -120,8 +114,12 @@ def plan(
     )
 
 
-def layer_spacing(window: Corridor, progress: Progress, state: VehicleState, params: MacroParams) -> Float[Array, ""]:
-    """Distance between layers (m): the way covered within the horizon, from the present speed to the limit, shared."""
+def layer_spacing(situation: Situation, params: MacroParams) -> Float[Array, ""]:
+    """Distance between layers (m): the way covered within the horizon, from the present speed to the limit, shared.
+
+    Args: situation, of the step.
+    """
+    window, progress, state = situation.window, situation.progress, situation.ego
     spacing = window.station[1] - window.station[0]
     limit = interpolate(progress.station[None], window.station[0], spacing, window.speed_limit)[0]
     change = limit - state.speed

@@ -5,12 +5,12 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, polynomial, safe, soft
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.planning.primitives import Fan
 from urbanjax.types import Path, Prediction, pytree, static
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 MICRO_TERMS = (
@@ -94,21 +94,16 @@ class MicroPlan:
     clearance: Array  # [] m, of the choice
 
 
-def select(
-    fan: Fan,
-    prediction: Prediction,
-    previous: Previous,
-    vehicle: VehicleParams,
-    params: MicroParams,
-    relaxation: Relaxation,
-) -> MicroPlan:
+def select(fan: Fan, driving: Driving, *, prediction: Prediction, previous: Previous) -> MicroPlan:
     """The cheapest candidate that breaks no limit, or the least bad one where all do (Eq. 24).
 
-    All candidates end at the same station, so that Eq. 24's length does not reward to stay behind.
+    All candidates end at the same station, so that Eq. 24's length does not reward to stay behind. Args: fan, of
+    candidates; driving, with MicroParams; prediction, of everybody else; previous, the plan of the step before.
     """
-    room = clearance(fan, prediction, vehicle, params, relaxation)
-    terms = weighted_terms(fan, room, previous, params)
-    margins = limit_margins(fan, room, vehicle, params)
+    params, relaxation = driving.params, driving.relaxation
+    room = clearance(fan, driving, prediction=prediction)
+    terms = weighted_terms(fan, params, room=room, previous=previous)
+    margins = limit_margins(fan, driving, room=room)
     change, collision = params.acceleration_scale, params.collision_scale
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
     broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
@@ -144,26 +139,32 @@ def select(
 
 
 def fade(time: Float[Array, "*s"], params: MicroParams) -> Float[Array, "*s"]:
-    """How much an obstacle counts at a time ahead: 1 within the collision horizon, then falling smoothly to 0."""
+    """How much an obstacle counts ahead: 1 within the collision horizon, then falling smoothly to 0.
+
+    Args: time [*s] s.
+    """
     return 1 - polynomial.smoothstep(lean.clip((time - params.collision_horizon) / params.horizon_fade, 0.0, 1.0))
 
 
-def clearance(
-    fan: Fan,
-    prediction: Prediction,
-    vehicle: VehicleParams,
-    params: MicroParams,
-    relaxation: Relaxation,
-) -> Float[Array, "j k"]:
-    """Smallest gap [J, K] (m) from the ego's box at each point, when it is passed, to any predicted box."""
+def clearance(fan: Fan, driving: Driving, *, prediction: Prediction) -> Float[Array, "j k"]:
+    """Smallest gap [J, K] (m) from the ego's box at each point, when it is passed, to any predicted box.
+
+    Args: fan, of candidates; driving, with MicroParams; prediction, of everybody else.
+    """
+    params = driving.params.clearance
     time = fan.time.reshape(-1)
     passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time)
-    room = gaps(passage, prediction, fan.follower, vehicle, params.clearance, relaxation)
-    return soft.minimum(room, relaxation, params.clearance.gap_scale).reshape(fan.time.shape)
+    room = gaps(passage, driving.of(params), prediction=prediction, ignored=fan.follower)
+    return soft.minimum(room, driving.relaxation, params.gap_scale).reshape(fan.time.shape)
 
 
-def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, params: MicroParams) -> Float[Array, "j c"]:
-    """Weighted cost terms [J, C] by MICRO_TERMS (Eq. 22-24). Args: room [J, K] m, clearance at each point."""
+def weighted_terms(
+    fan: Fan, params: MicroParams, *, room: Float[Array, "j k"], previous: Previous
+) -> Float[Array, "j c"]:
+    """Weighted cost terms [J, C] by MICRO_TERMS (Eq. 22-24).
+
+    Args: fan, of candidates; room [J, K] m, clearance at each point; previous, the plan of the step before.
+    """
     step = costs.segments(fan.position)
     last, counts = profile(previous, fan.station)
     near = costs.barrier(room, params.min_clearance, params.barrier) * fade(fan.time, params)
@@ -181,10 +182,12 @@ def weighted_terms(fan: Fan, room: Float[Array, "j k"], previous: Previous, para
     return jnp.sum(jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=1), axis=-1)
 
 
-def limit_margins(
-    fan: Fan, room: Float[Array, "j k"], vehicle: VehicleParams, params: MicroParams
-) -> Float[Array, "j r"]:
-    """How far each candidate stays within each limit [J, R] of REASONS, negative where it breaks it."""
+def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> Float[Array, "j r"]:
+    """How far each candidate stays within each limit [J, R] of REASONS, negative where it breaks it.
+
+    Args: fan, of candidates; driving, with MicroParams; room [J, K] m, clearance at each point.
+    """
+    vehicle, params = driving.vehicle, driving.params
     steering = params.steering_share * jnp.tan(jnp.asarray(vehicle.max_steering, room.dtype)) / vehicle.wheelbase
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
@@ -217,7 +220,10 @@ def limit_margins(
 
 
 def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
-    """How fast the wheels have to turn [J, K-1] (rad/s, a magnitude) between points, at the assumed speed."""
+    """How fast the wheels have to turn [J, K-1] (rad/s, a magnitude) between points, at the assumed speed.
+
+    Args: fan, of candidates; vehicle.
+    """
     steered = vehicle.wheelbase * fan.curvature  # tan of the angle
     middle = (steered[:, 1:] + steered[:, :-1]) / 2
     time = jnp.maximum(jnp.diff(fan.time, axis=1), 1e-3)
@@ -227,7 +233,8 @@ def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
 def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     """Share [J, K] of the ego's footprint across that lies on no lane it may use, times the vehicle's width (m).
 
-    May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used.
+    May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used. Args: fan,
+    of candidates; vehicle.
     """
     road = fan.road
     turned = fan.heading - road.heading[None, :]

@@ -2,16 +2,14 @@
 
 from urbanjax.planning.macro import MacroParams
 from urbanjax.planning.micro import MicroParams
-from urbanjax.planning.prediction import PredictionParams
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.types import pytree
 
 
 @pytree
 class PlanningParams:
-    """Prediction, macro planning, primitives and micro planning."""
+    """Macro planning, primitives and micro planning."""
 
-    prediction: PredictionParams = PredictionParams()
     macro: MacroParams = MacroParams()
     primitives: PrimitiveParams = PrimitiveParams()
     micro: MicroParams = MicroParams()

@@ -1,15 +1,16 @@
 """Motion planning in one call: macro plan, fan of primitives, micro plan."""
 
-from urbanjax.numerics.soft import Relaxation
+import jax
+
 from urbanjax.planning import macro, micro, previous, primitives
 from urbanjax.planning.macro import MacroPlan
 from urbanjax.planning.micro import MicroPlan
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.primitives import Fan
-from urbanjax.roadmap.corridor import Corridor, Progress
-from urbanjax.types import Prediction, VehicleState, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.planning.situation import Situation
+from urbanjax.types import pytree
+from urbanjax.vehicle.driving import Driving
 
 
 @pytree
@@ -34,27 +35,25 @@ def nothing(params: PlanningParams) -> Memory:
     return Memory(previous.nothing(params.macro.n_layers), previous.nothing(params.primitives.n_points))
 
 
-def plan(
-    window: Corridor,
-    progress: Progress,
-    state: VehicleState,
-    prediction: Prediction,
-    memory: Memory,
-    vehicle: VehicleParams,
-    params: PlanningParams,
-    relaxation: Relaxation,
-) -> Plan:
+def plan(situation: Situation, driving: Driving, *, memory: Memory) -> Plan:
     """The macro plan over the lanes ahead (Eq. 13-15), the fan onto it (Eq. 16-21) and the choice (Eq. 22-24).
 
-    Args: window, the lanes around the vehicle; progress, of its rear axle along them; prediction, of everybody else.
+    Args: situation, of the step; driving, with PlanningParams; memory, of the step before.
     """
-    wide = macro.plan(window, progress, state, prediction, memory.macro, vehicle, params.macro, relaxation)
-    fan = primitives.generate(window, progress, state, wide, vehicle, params.primitives)
-    near = micro.select(fan, prediction, memory.micro, vehicle, params.micro, relaxation)
-    return Plan(wide, fan, near)
+    params = driving.params
+    with jax.named_scope("macro"):
+        macro_plan = macro.plan(situation, driving.of(params.macro), previous=memory.macro)
+    with jax.named_scope("primitives"):
+        fan = primitives.generate(situation, driving.of(params.primitives), macro_plan=macro_plan)
+    with jax.named_scope("micro"):
+        prediction = situation.prediction
+        micro_plan = micro.select(fan, driving.of(params.micro), prediction=prediction, previous=memory.micro)
+    return Plan(macro_plan, fan, micro_plan)
 
 
 def remember(made: Plan) -> Memory:
-    """The plan for the next step to compare with."""
-    wide, path = made.macro, made.micro.path
-    return Memory(previous.remember(wide.station, wide.offset), previous.remember(path.station, path.offset))
+    """The plan for the next step to compare with. Args: made, in this step."""
+    macro_plan, path = made.macro, made.micro.path
+    return Memory(
+        previous.remember(macro_plan.station, macro_plan.offset), previous.remember(path.station, path.offset)
+    )

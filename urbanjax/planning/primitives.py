@@ -16,9 +16,9 @@ from urbanjax.planning.cross_section import CrossSections, cross_sections
 from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
 from urbanjax.planning.quintic import EndState, Lateral, planar, stationwise
 from urbanjax.planning.resample import arc_length_splines
-from urbanjax.roadmap.corridor import Corridor, Progress
+from urbanjax.planning.situation import Situation
 from urbanjax.types import VehicleState, pytree, static
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.vehicle.driving import Driving
 
 RESAMPLINGS = ("exact", "spline")  # heading and curvature: of the quintics, or of splines through their points
 
@@ -62,39 +62,34 @@ class Fan:
     free_speed: Array  # [K] m/s
 
 
-def generate(
-    window: Corridor,
-    progress: Progress,
-    state: VehicleState,
-    macro: MacroPlan,
-    vehicle: VehicleParams,
-    params: PrimitiveParams,
-) -> Fan:
+def generate(situation: Situation, driving: Driving, *, macro_plan: MacroPlan) -> Fan:
     """Candidates of offsets x accelerations x end speeds x durations, continuous in position, heading and curvature.
 
     Each is a quintic to its end state beside the macro plan (Eq. 16-18), and from there on the macro plan, to which the
     lateral difference decays; so all reach over the same stations and compare fairly. Below `low_speed`, where x(t)
     and y(t) degenerate, the lateral offset as a quintic of station takes over. On the grid, heading and curvature are
     those of the quintics themselves; with `resampling` "spline", of C2 splines over arc length through the points
-    (Eq. 19-21), whose curvature differs by less than 0.002 1/m where it is moderate.
+    (Eq. 19-21), whose curvature differs by less than 0.002 1/m where it is moderate. Args: situation, of the step;
+    driving, with PrimitiveParams; macro_plan, that the candidates lead onto.
     """
+    window, progress, state, params = situation.window, situation.progress, situation.ego, driving.params
     spacing = state.speed * params.path_horizon / (params.n_points - 1)
     spacing = lean.clip(spacing, params.min_spacing, params.max_spacing)
     ahead = spacing * np.arange(params.n_points, dtype=spacing.dtype)
-    end = end_states(state, macro, params)
+    end = end_states(state, macro_plan, params=params)
     # End states differ in station by duration and speed only.
     n, repeats = params.n_points, len(params.offsets) * len(params.accelerations)
     sampled = cross_sections(window, jnp.concatenate([progress.station + ahead, end.station[::repeats]]))
     road = jax.tree.map(lambda x: x[:n], sampled)
     at_end = jax.tree.map(lambda x: jnp.repeat(x[n:], repeats, axis=0), sampled)
-    curvature = jnp.tan(state.steering) / vehicle.wheelbase
+    curvature = jnp.tan(state.steering) / driving.vehicle.wheelbase
 
     over_time = planar(state, curvature, end, at_end, road)
     over_station = stationwise(progress, state, curvature, end, road)
     ramp = lean.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1.0, 1.0)
     fast = (2 + 3 * ramp - ramp**3) / 4
     joined = jax.tree.map(lambda a, b: fast * a + (1 - fast) * b, over_time, over_station)
-    beyond = continuation(macro, end, road.station, params)
+    beyond = continuation(macro_plan, end, station=road.station, params=params)
     inside = ahead[None, :] <= end.length[:, None]
     lateral = jax.tree.map(functools.partial(lean.where, inside), joined, beyond)
     lateral = Lateral(*once(lateral.offset, lateral.slope, lateral.bend, lateral.time, lateral.speed))
@@ -117,25 +112,26 @@ def generate(
         time=lateral.time,
         speed=lateral.speed,
         end=end,
-        follower=macro.follower,
+        follower=macro_plan.follower,
         road=road,
-        macro_offset=offset_at(macro, road.station)[0],
-        free_speed=profile_at(macro, road.station)[1],
+        macro_offset=offset_at(macro_plan, road.station)[0],
+        free_speed=profile_at(macro_plan, road.station)[1],
     )
 
 
-def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -> EndState:
+def end_states(state: VehicleState, macro_plan: MacroPlan, *, params: PrimitiveParams) -> EndState:
     """The grid of J end states beside the macro plan (Eq. 16), offsets fastest, then accelerations.
 
     End speeds are shares of the free-flow speed at that time, within reach of braking; the look-ahead is what uniform
-    acceleration to them covers, and at least `min_length`, for which the duration is then prolonged.
+    acceleration to them covers, and at least `min_length`, for which the duration is then prolonged. Args: state, of
+    the ego; macro_plan, that the candidates lead onto.
     """
     dtype = state.speed.dtype
     durations, factors, accelerations, offsets = (
         jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.accelerations, params.offsets)
     )
-    time = jnp.concatenate([jnp.zeros(1, dtype), macro.time])
-    free = polyline.interpolate(time, jnp.concatenate([macro.start_speed[None], macro.speed]), durations)
+    time = jnp.concatenate([jnp.zeros(1, dtype), macro_plan.time])
+    free = polyline.interpolate(time, jnp.concatenate([macro_plan.start_speed[None], macro_plan.speed]), durations)
     reachable = state.speed - params.deceleration * durations
     speed = jnp.maximum(factors[None, :] * free[:, None], jnp.maximum(reachable, params.min_speed)[:, None])
     mean = (state.speed + speed) / 2
@@ -144,8 +140,8 @@ def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -
     def over_offsets(x: Array) -> Array:
         return jnp.repeat(x.reshape(-1), accelerations.shape[0] * offsets.shape[0])
 
-    station = macro.start_station + over_offsets(length)
-    base, slope, bend = offset_at(macro, station)
+    station = macro_plan.start_station + over_offsets(length)
+    base, slope, bend = offset_at(macro_plan, station)
     beside = jnp.tile(offsets, speed.size * accelerations.shape[0])
     return EndState(
         station=station,
@@ -160,14 +156,19 @@ def end_states(state: VehicleState, macro: MacroPlan, params: PrimitiveParams) -
     )
 
 
-def continuation(macro: MacroPlan, end: EndState, station: Float[Array, "k"], params: PrimitiveParams) -> Lateral:
-    """Beyond its end state each candidate returns to the macro plan, at its share of the free-flow speed. [J, K]."""
-    base, slope, bend = offset_at(macro, station)
+def continuation(
+    macro_plan: MacroPlan, end: EndState, *, station: Float[Array, "k"], params: PrimitiveParams
+) -> Lateral:
+    """Beyond its end state each candidate returns to the macro plan, at its share of the free-flow speed. [J, K].
+
+    Args: macro_plan; end [J], the end states; station [K] m, of the grid.
+    """
+    base, slope, bend = offset_at(macro_plan, station)
     length = params.return_length
     u = lean.clip((station[None, :] - end.station[:, None]) / length, 0.0, 1.0)
     beside = end.beside[:, None]
-    time, speed = profile_at(macro, station)
-    end_time, end_speed = profile_at(macro, end.station)
+    time, speed = profile_at(macro_plan, station)
+    end_time, end_speed = profile_at(macro_plan, end.station)
     share = (end.speed / end_speed)[:, None]
     return Lateral(
         offset=base[None, :] + beside * (1 - polynomial.smoother_step(u)),

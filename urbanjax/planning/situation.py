@@ -1,35 +1,49 @@
-"""What the planner is given at one moment of a drive."""
+"""What a step sees: the road around the ego, everybody on it, and where they will be."""
 
+import jax
 from jax import Array
-from jaxtyping import Float
 
 from urbanjax.course import Course
 from urbanjax.planning.prediction import PredictionParams, predict
 from urbanjax.roadmap.corridor import Corridor, Progress, WindowParams, progress, window
 from urbanjax.roadmap.locate import LocateParams, locate
-from urbanjax.types import Objects, Prediction, VehicleState, pytree
+from urbanjax.types import Objects, Observation, Prediction, Signals, VehicleState, pytree
+
+
+@pytree
+class SituationParams:
+    """How far a step looks along its route, and how it takes others to go on."""
+
+    window: WindowParams = WindowParams()
+    locate: LocateParams = LocateParams()
+    prediction: PredictionParams = PredictionParams()
 
 
 @pytree
 class Situation:
-    """The road around the ego, its place there, and where everybody else will be."""
+    """Everything that planning and behaviour know of the world in one step."""
 
-    window: Corridor
-    progress: Progress
+    window: Corridor  # the lanes around the vehicle
+    progress: Progress  # of the ego's rear axle along them
+    ego: VehicleState
+    objects: Objects
     prediction: Prediction
+    signals: Signals
 
 
 def look(
-    course: Course,
-    station: Float[Array, ""],
-    ego: VehicleState,
-    objects: Objects,
-    around: WindowParams,
-    matching: LocateParams,
-    future: PredictionParams,
+    params: SituationParams, course: Course, *, station: Array, ego: VehicleState, observation: Observation
 ) -> Situation:
-    """The situation that a plan is made in. Args: station [m] along the course, around which its window lies."""
-    road = window(course.corridor, station, around)
-    here = progress(road, ego.position, ego.heading)
-    lanes = locate(course.graph, objects.position, objects.heading, params=matching)
-    return Situation(road, here, predict(course.graph, objects, lanes, future))
+    """The situation of one step (Eq. 12, 25-26).
+
+    Args: course, of the drive; station [] m, where the ego was last along its route; ego, its state; observation, of
+    which objects and signals are used.
+    """
+    objects = observation.objects
+    with jax.named_scope("route"):
+        road = window(course.corridor, station, params.window)
+        here = progress(road, ego.position, ego.heading)
+    with jax.named_scope("prediction"):
+        lanes = locate(course.graph, objects.position, objects.heading, params=params.locate)
+        future = predict(course.graph, objects, lanes, params.prediction)
+    return Situation(road, here, ego, objects, future, observation.signals)

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from urbanjax.geometry import frenet
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
+from urbanjax.planning.clearance import Passage, gaps
 from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
 from urbanjax.planning.lattice.edges import (
@@ -25,6 +25,7 @@ from urbanjax.planning.lattice.edges import (
 )
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import Prediction, pytree, static
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 MACRO_TERMS = (
@@ -81,26 +82,29 @@ class Lattice:
     steps: Steps  # to each layer from the one before
 
 
-def node_offsets(road: CrossSections, r: int) -> tuple[Float[Array, "n m"], Int[np.ndarray, "m"]]:
+def node_offsets(road: CrossSections, nodes_per_lane: int) -> tuple[Float[Array, "n m"], Int[np.ndarray, "m"]]:
     """Offsets [n, M] (m) of Q * r nodes from right to left, and the lane across [M] that each belongs to.
 
-    Nodes are spread evenly over each lane, so that with lanes side by side they are even across the road.
+    Nodes are spread evenly over each lane, so that with lanes side by side they are even across the road. Args: road,
+    at n stations; nodes_per_lane, r.
     """
+    r = nodes_per_lane
     lanes = road.lane_offset.shape[1]
     within = ((np.arange(r) - (r - 1) / 2) / r).astype(road.lane_offset.dtype)
     offset = road.lane_offset[:, :, None] + road.lane_width[:, :, None] * within[None, None, :]
     return offset.reshape(-1, lanes * r), np.repeat(np.arange(lanes, dtype=np.int32), r)
 
 
-def build(road: CrossSections, speed: Float[Array, "k"], time: Float[Array, "k"], r: int) -> Lattice:
-    """The lattice ahead. Args: road, at the fine stations of S steps from the ego's own station on; r nodes per lane.
+def build(road: CrossSections, speed: Float[Array, "k"], *, time: Float[Array, "k"], nodes_per_lane: int) -> Lattice:
+    """The lattice ahead.
 
-    Speed and time at those S + 1 stations.
+    Args: road, at the fine stations of S steps from the ego's own station on; speed m/s and time s [S + 1], at the ends
+    of those steps; nodes_per_lane.
     """
     layers = layers_of(road, CORNER)
     spacing = jnp.broadcast_to(layers.station[1] - layers.station[0], (speed.shape[0] - 1,))
     ahead = jax.tree.map(lambda x: x[1:], layers)
-    offset, lane = node_offsets(ahead, r)
+    offset, lane = node_offsets(ahead, nodes_per_lane)
     return Lattice(
         offset=offset,
         lane=lane,
@@ -115,14 +119,13 @@ def build(road: CrossSections, speed: Float[Array, "k"], time: Float[Array, "k"]
 
 
 def clearance(
-    lattice: Lattice,
-    prediction: Prediction,
-    follower: Float[Array, "b"],
-    vehicle: VehicleParams,
-    params: ClearanceParams,
-    relaxation: Relaxation,
+    lattice: Lattice, driving: Driving, *, prediction: Prediction, follower: Float[Array, "b"]
 ) -> Float[Array, "s m"]:
-    """Smallest gap [S, M] (m) from the ego's box at each node, when it arrives there, to any predicted box."""
+    """Smallest gap [S, M] (m) from the ego's box at each node, when it arrives there, to any predicted box.
+
+    Args: lattice; driving, with ClearanceParams; prediction, of everybody else; follower [B], degree to which an object
+    does not count.
+    """
     road, shape = lattice.road, lattice.offset.shape
 
     def each(layer: Array) -> Array:
@@ -137,22 +140,19 @@ def clearance(
         step=each(jnp.broadcast_to(lattice.spacing, shape[:1])),
         step_time=each(lattice.step_time),
     )
-    room = gaps(passage, prediction, follower, vehicle, params, relaxation)
-    return soft.minimum(room, relaxation, params.gap_scale).reshape(shape)
+    room = gaps(passage, driving, prediction=prediction, ignored=follower)
+    return soft.minimum(room, driving.relaxation, driving.params.gap_scale).reshape(shape)
 
 
 def node_terms(
-    lattice: Lattice,
-    room: Float[Array, "s m"],
-    previous: Previous,
-    vehicle: VehicleParams,
-    weights: LatticeWeights,
-    relaxation: Relaxation,
+    lattice: Lattice, driving: Driving, *, room: Float[Array, "s m"], previous: Previous
 ) -> tuple[dict[str, Array], Float[Array, "s m"]]:
     """Weighted cost [S, M] of each node by name (Eq. 13), and the degree [S, M] to which it is forbidden.
 
-    Every term is multiplied by the layer spacing, so that weights do not depend on the resolution.
+    Every term is multiplied by the layer spacing, so that weights do not depend on the resolution. Args: lattice;
+    driving, with LatticeWeights; room [S, M] m, clearance of each node; previous, the plan of the step before.
     """
+    vehicle, weights, relaxation = driving.vehicle, driving.params, driving.relaxation
     road, offset, ds = lattice.road, lattice.offset, lattice.spacing
     covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
     over = bars(road, lattice.lane, np.arange(road.barred.shape[1]))
@@ -176,24 +176,26 @@ def node_terms(
     }, soft.either(off_road, collides)
 
 
-def ways(lattice: Lattice, offset: Float[Array, ""], vehicle: VehicleParams) -> Edges:
-    """All edges [S, M, M] to each layer from the one before, those to the first one from the ego's own offset (m)."""
+def ways(lattice: Lattice, offset: Float[Array, ""], *, vehicle: VehicleParams) -> Edges:
+    """All edges [S, M, M] to each layer from the one before.
+
+    Args: lattice; offset [] m, the ego's own, from which those to the first layer begin; vehicle.
+    """
     own = jnp.broadcast_to(offset, lattice.offset[:1].shape)
     offsets = (jnp.concatenate([own, lattice.offset[:-1]]), lattice.offset)
     return join(offsets, jax.tree.map(jnp.zeros_like, offsets), lattice.steps, CORNER, vehicle)
 
 
-def edge_terms(
-    lattice: Lattice, ways: Edges, vehicle: VehicleParams, weights: LatticeWeights, relaxation: Relaxation
-) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
+def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
     """Weighted cost [S-1, M, M] of each edge by name, and the degree to which it is forbidden.
 
     An edge is as long as it is along its own offset curve, and is forbidden where it is too sharp or leaves the road;
-    the reference line's own bends are never too sharp.
+    the reference line's own bends are never too sharp. Args: lattice; driving, with LatticeWeights; ways, its edges.
     """
+    weights, relaxation = driving.params, driving.relaxation
     ways = jax.tree.map(lambda x: x[1:], ways)
     bends = jnp.max(jnp.abs(lattice.steps.curvature[1:]), axis=1)[:, None, None]
-    beyond = refused(ways, jnp.maximum(sharpest(vehicle, weights.edges), bends), weights.edges, relaxation)
+    beyond = refused(ways, jnp.maximum(sharpest(driving.vehicle, weights.edges), bends), weights.edges, relaxation)
     across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
     crossed = abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
     barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, lattice.lane)
@@ -207,13 +209,13 @@ def edge_terms(
 
 
 def start_terms(
-    lattice: Lattice,
-    ways: Edges,
-    offset: Float[Array, ""],
-    weights: LatticeWeights,
-    relaxation: Relaxation,
+    lattice: Lattice, driving: Driving, *, ways: Edges, offset: Float[Array, ""]
 ) -> tuple[dict[str, Array], Float[Array, "m"]]:
-    """Weighted cost [M] of the edges from the ego's own offset (m) to the first layer, and the forbidden degree."""
+    """Weighted cost [M] of the edges from the ego to the first layer, and the forbidden degree.
+
+    Args: lattice; driving, with LatticeWeights; ways, its edges; offset [] m, of the ego.
+    """
+    weights, relaxation = driving.params, driving.relaxation
     first = jax.tree.map(lambda x: x[:1], lattice.road)
     lines = boundaries(first)[0]
     # The ego's lane, as weights: the degree to which it is left of each line, less that of the next one.

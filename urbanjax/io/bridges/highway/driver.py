@@ -104,7 +104,7 @@ class StackDriver:
         observation = self.observe(env)
         pose = observation.pose
         position, heading = pose.translation()[None], pose.rotation().as_radians()[None]
-        return int(_locate(self.graph, position, heading, self.stack.locate).link[0])
+        return int(_locate(self.graph, position, heading, self.stack.situation.locate).link[0])
 
     def _follow(self, env: Any, link: int) -> None:
         """Take the route that begins on `link`."""
@@ -125,7 +125,8 @@ class StackDriver:
 
         Never to a lane on the ground of oncoming traffic: from there the way back must stay planned.
         """
-        station, offset = (float(value) for value in (self.info.progress.station, self.info.progress.offset))
+        progress = self.info.situation.progress
+        station, offset = (float(value) for value in (progress.station, progress.offset))
         links, offsets, has = self.lanes
         row = int(np.clip(round(station / self.course.corridor.spacing), 0, len(links) - 1))
         lane = int(np.argmin(np.where(has[row], np.abs(offsets[row] - offset), np.inf)))
