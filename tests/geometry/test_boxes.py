@@ -6,12 +6,23 @@ import pytest
 from urbanjax.geometry import boxes
 from urbanjax.numerics.soft import Relaxation
 
-gap, soft_gap = jax.jit(boxes.gap), jax.jit(boxes.soft_gap)
-overlap, corners = jax.jit(boxes.overlap), jax.jit(boxes.corners)
+
+def made(position, heading, length, width):
+    return boxes.box(position, heading, length=length, width=width)
+
+
+def pair(*arguments):
+    return made(*arguments[:4]), made(*arguments[4:])
+
+
+gap = jax.jit(lambda *pairs: boxes.box_gap(*pair(*pairs)))
+soft_gap = jax.jit(lambda *pairs, temperature: boxes.soft_box_gap(*pair(*pairs), temperature=temperature))
+overlap = jax.jit(lambda *pairs: boxes.overlap(*pair(*pairs)))
+corners = jax.jit(lambda *one: boxes.corners(made(*one)))
 
 
 def random_pairs(n, seed=0):
-    """Arguments of `gap` for n pairs in double precision; in the second half b lies within 0.5 m of touching a."""
+    """Arguments of `pair` for n pairs in double precision; in the second half b lies within 0.5 m of touching a."""
     rng = np.random.default_rng(seed)
     a = [rng.uniform(-20, 20, (n, 2)), rng.uniform(-4, 4, n), rng.uniform(0.5, 12, n), rng.uniform(0.5, 3, n)]
     b = [rng.uniform(-20, 20, (n, 2)), rng.uniform(-4, 4, n), rng.uniform(0.5, 12, n), rng.uniform(0.5, 3, n)]
@@ -61,7 +72,7 @@ def test_known_gaps(position, heading, expected):
 
 
 def test_corners_run_counter_clockwise_from_the_front_left(x64):
-    found = boxes.corners(jnp.array([1.0, 2.0]), jnp.asarray(np.pi / 2), jnp.asarray(4.0), jnp.asarray(2.0))
+    found = boxes.corners(made(jnp.array([1.0, 2.0]), jnp.asarray(np.pi / 2), jnp.asarray(4.0), jnp.asarray(2.0)))
     np.testing.assert_allclose(found, [[0, 4], [0, 0], [2, 0], [2, 4]], atol=1e-12)
 
 
@@ -99,7 +110,7 @@ def test_negative_gap_is_the_shortest_move_that_parts_the_boxes(x64):
     np.testing.assert_allclose(np.asarray(gap(*arguments[:4], moved, *arguments[5:]))[inside], 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("function", [gap, lambda *a: soft_gap(*a, 0.2)], ids=["hard", "soft"])
+@pytest.mark.parametrize("function", [gap, lambda *a: soft_gap(*a, temperature=0.2)], ids=["hard", "soft"])
 def test_gap_is_symmetric_and_invariant_under_motion_mirror_and_turning_round(x64, function):
     arguments = random_pairs(200, seed=3)
     pa, ha, la, wa, pb, hb, lb, wb = arguments
@@ -120,7 +131,7 @@ def test_soft_gap_keeps_its_bounds_and_tends_to_the_gap(x64):
     arguments = random_pairs(1000, seed=4)
     hard = np.asarray(gap(*arguments))
     for temperature in (1.0, 0.1, 1e-4):
-        found = np.asarray(soft_gap(*arguments, temperature))
+        found = np.asarray(soft_gap(*arguments, temperature=temperature))
         assert (found >= hard - temperature - 1e-9).all()
         assert (found <= hard + temperature * (np.log(4) + 0.5) + 1e-9).all()
 
@@ -135,7 +146,7 @@ def test_gradients_equal_finite_differences(x64, which):
         changed[which] = jnp.asarray(arguments[which] + step * direction)
         return function(*changed)
 
-    for function, share in ((lambda *a: soft_gap(*a, 0.2), 1.0), (gap, 0.95)):  # the hard gap has kinks
+    for function, share in ((lambda *a: soft_gap(*a, temperature=0.2), 1.0), (gap, 0.95)):  # the hard gap has kinks
         _, slope = jax.jvp(lambda step, f=function: moved(f, step), (0.0,), (1.0,))
         step = 1e-6
         expected = (moved(function, step) - moved(function, -step)) / (2 * step)
@@ -145,7 +156,7 @@ def test_gradients_equal_finite_differences(x64, which):
 @pytest.mark.parametrize("mode", ["hard", "soft", "straight_through"])
 def test_gradient_is_finite_for_coincident_parallel_and_empty_boxes(mode):
     def value(pa, ha, la, wa, pb, hb, lb, wb):
-        return boxes.relaxed_box_gap(boxes.box(pa, ha, la, wa), boxes.box(pb, hb, lb, wb), Relaxation(0.1, mode)).sum()
+        return boxes.relaxed_box_gap(*pair(pa, ha, la, wa, pb, hb, lb, wb), relaxation=Relaxation(0.1, mode)).sum()
 
     positions = jnp.array([[0.0, 0.0], [0.0, 0.0], [5.0, 0.0], [0.0, 2.0]])
     zero, length, width = jnp.zeros(4), jnp.array([4.0, 0.0, 4.0, 4.0]), jnp.array([2.0, 0.0, 2.0, 2.0])
@@ -156,11 +167,14 @@ def test_gradient_is_finite_for_coincident_parallel_and_empty_boxes(mode):
 
 
 def test_modes_and_broadcasting_of_the_relaxed_gap():
-    a = boxes.box(jnp.zeros((3, 1, 2)), jnp.array([[0.0], [0.5], [1.0]]), jnp.asarray(4.0), jnp.asarray(2.0))
-    b = boxes.box(jnp.array([[[5.0, 1.0], [0.0, 6.0]]]), jnp.zeros((1, 2)), jnp.asarray(4.0), jnp.asarray(2.0))
-    hard = boxes.relaxed_box_gap(a, b, Relaxation())
+    a = made(jnp.zeros((3, 1, 2)), jnp.array([[0.0], [0.5], [1.0]]), jnp.asarray(4.0), jnp.asarray(2.0))
+    b = made(jnp.array([[[5.0, 1.0], [0.0, 6.0]]]), jnp.zeros((1, 2)), jnp.asarray(4.0), jnp.asarray(2.0))
+    hard = boxes.relaxed_box_gap(a, b, relaxation=Relaxation())
     assert hard.shape == (3, 2)
     np.testing.assert_array_equal(hard, boxes.box_gap(a, b))
-    np.testing.assert_allclose(boxes.relaxed_box_gap(a, b, Relaxation(0.2, "straight_through")), hard, rtol=1e-6)
-    warm = boxes.relaxed_box_gap(a, b, Relaxation(0.1, "soft"), scale=2.0)
-    np.testing.assert_array_equal(warm, boxes.soft_box_gap(a, b, 0.2))
+    through = boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.2, "straight_through"))
+    np.testing.assert_allclose(through, hard, rtol=1e-6)
+        boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.2, "straight_through")), hard, rtol=1e-6
+    )
+    warm = boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.1, "soft"), scale=2.0)
+    np.testing.assert_array_equal(warm, boxes.soft_box_gap(a, b, temperature=0.2))

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.geometry.boxes import gap
+from urbanjax.geometry.boxes import box, box_gap
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import clearance
 from urbanjax.planning.clearance import ClearanceParams, Passage
@@ -46,8 +46,8 @@ def test_gaps_are_those_of_the_boxes_at_the_time_of_passing(scenes):
     along = jnp.stack([jnp.cos(way.heading), jnp.sin(way.heading)], axis=-1)
     centre = way.position + VEHICLE.centre_offset * along
     for b in range(2):
-        size = jnp.full(4, 4.7), jnp.full(4, 1.9)
-        expected = gap(centre, way.heading, *size, position[b], heading[b], *size)
+        size = {"length": jnp.full(4, 4.7), "width": jnp.full(4, 1.9)}
+        expected = box_gap(box(centre, way.heading, **size), box(position[b], heading[b], **size))
         np.testing.assert_allclose(found[:, b], np.minimum(expected, PARAMS.far), atol=2e-3)
 
 

@@ -56,14 +56,14 @@ def first(log: Log, vehicle: VehicleParams) -> Collision:
     Args: log, of one run; vehicle, the ego's dimensions.
     """
     traffic, ego = log.traffic, log.ego
-    others = box(traffic.position, traffic.heading, traffic.length, traffic.width)
+    others = box(traffic.position, traffic.heading, length=traffic.length, width=traffic.width)
     size = jnp.ones_like(ego.heading)[:, None]
 
     def strip(along: float | Array, length: float | Array) -> Box:
         """A part of the ego's box, `along` m before its centre."""
         forward = jnp.stack([jnp.cos(ego.heading), jnp.sin(ego.heading)], axis=-1)
         centre = log.centre + along * forward
-        return box(centre[:, None, :], ego.heading[:, None], length * size, vehicle.width * size)
+        return box(centre[:, None, :], ego.heading[:, None], length=length * size, width=vehicle.width * size)
 
     touches = (box_gap(strip(0.0, vehicle.length), others) <= 0) & traffic.valid
     reach = (vehicle.length - BUMPER) / 2

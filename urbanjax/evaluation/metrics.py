@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
 
-from urbanjax.geometry.boxes import Box, box, relaxed_box_gap
+from urbanjax.geometry.boxes import Box, box, box_gap, relaxed_box_gap
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
@@ -76,9 +76,10 @@ def progress(log: Log) -> Float[Array, " t"]:
 
 def _boxes(log: Log, vehicle: VehicleParams) -> tuple[Box, Box]:
     """The ego's box [T, 1] and the others' [T, V]."""
-    ego = box(log.centre[:, None, :], log.ego.heading[:, None], *_size(vehicle, log.time.dtype))
+    length, width = _size(vehicle, log.time.dtype)
+    ego = box(log.centre[:, None, :], log.ego.heading[:, None], length=length, width=width)
     others = log.traffic
-    return ego, box(others.position, others.heading, others.length, others.width)
+    return ego, box(others.position, others.heading, length=others.length, width=others.width)
 
 
 def _size(vehicle: VehicleParams, dtype: jnp.dtype) -> tuple[Array, Array]:
@@ -90,7 +91,7 @@ def clearance(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Fl
 
     Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
     """
-    gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation)
+    gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation=relaxation)
     return soft.minimum(gaps, relaxation, mask=log.traffic.valid, fill=FAR)
 
 
@@ -162,9 +163,9 @@ def lateral_acceleration(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]
 
 def overlaps(objects: Objects) -> Bool[Array, "v v"]:
     """Which valid vehicles touch which others, all pairs; the diagonal is False. Args: objects [V], boxes."""
-    every = box(objects.position, objects.heading, objects.length, objects.width)
+    every = box(objects.position, objects.heading, length=objects.length, width=objects.width)
     one = Box(*(getattr(every, name)[:, None] for name in every.__dataclass_fields__))
     two = Box(*(getattr(every, name)[None, :] for name in every.__dataclass_fields__))
-    touching = relaxed_box_gap(one, two, Relaxation()) <= 0
+    touching = box_gap(one, two) <= 0
     n = objects.valid.shape[0]
     return touching & objects.valid[:, None] & objects.valid[None, :] & ~jnp.eye(n, dtype=bool)

@@ -33,20 +33,17 @@ class Box:
     half_width: Array  # [*s] m
 
 
-def box(position: Float[Array, "*s 2"], heading: Float[Array, "*s"], length: Array, width: Array) -> Box:
-    """Boxes from their centres. Args: position [m], heading [rad], length and width [m], broadcastable to heading."""
+def box(position: Float[Array, "*s 2"], heading: Float[Array, "*s"], *, length: Array, width: Array) -> Box:
+    """Boxes from their centres. Args: position [*s, 2] m; heading [*s] rad; length and width m, broadcastable to it."""
     x, y = position[..., 0], position[..., 1]
     return Box(x, y, jnp.cos(heading), jnp.sin(heading), length / 2, width / 2)
 
 
-def corners(
-    position: Float[Array, "*s 2"], heading: Float[Array, "*s"], length: Float[Array, "*s"], width: Float[Array, "*s"]
-) -> Float[Array, "*s 4 2"]:
-    """Corners [m], counter-clockwise from the front left."""
-    b = box(position, heading, length, width)
-    along = jnp.stack([b.half_length, -b.half_length, -b.half_length, b.half_length], axis=-1)
-    across = jnp.stack([b.half_width, b.half_width, -b.half_width, -b.half_width], axis=-1)
-    x, y, cos, sin = (jnp.expand_dims(v, -1) for v in (b.x, b.y, b.cos, b.sin))
+def corners(box: Box) -> Float[Array, "*s 4 2"]:
+    """Corners [*s, 4, 2] m, counter-clockwise from the front left. Args: box, of shape [*s]."""
+    along = jnp.stack([box.half_length, -box.half_length, -box.half_length, box.half_length], axis=-1)
+    across = jnp.stack([box.half_width, box.half_width, -box.half_width, -box.half_width], axis=-1)
+    x, y, cos, sin = (jnp.expand_dims(v, -1) for v in (box.x, box.y, box.cos, box.sin))
     return jnp.stack([x + along * cos - across * sin, y + along * sin + across * cos], axis=-1)
 
 
@@ -74,13 +71,22 @@ def _axis_gaps(a: Box, b: Box, size: Callable[[Array], Array]) -> tuple[Array, A
 
 
 def box_gap(a: Box, b: Box) -> Array:
-    """Signed separating-axis gap [m] between boxes of broadcastable shapes (see `gap`)."""
+    """Signed separating-axis gap [m] between boxes of broadcastable shapes.
+
+    Positive: apart, a lower bound of the Euclidean distance. Negative: minus the depth of penetration. Not
+    differentiable where two axes tie, a centre lies on the other box's axis or the boxes are parallel; there the
+    derivative is a finite one-sided or mean one. Args: a, b, boxes, in any order.
+    """
     forward_a, left_a, forward_b, left_b = _axis_gaps(a, b, jnp.abs)
     return jnp.maximum(jnp.maximum(forward_a, left_a), jnp.maximum(forward_b, left_b))
 
 
-def soft_box_gap(a: Box, b: Box, temperature: float | Array) -> Array:
-    """Smooth `box_gap` [m], within [gap - T, gap + T (log 4 + 1/2)] of it. Args: temperature T [m] > 0."""
+def soft_box_gap(a: Box, b: Box, *, temperature: float | Array) -> Array:
+    """Smooth twin of `box_gap` [m]: T log sum exp(gap_i / T) over the four axes, with |.| rounded within T of zero.
+
+    It lies in [gap - T, gap + T (log 4 + 1/2)] and tends to `box_gap` with T -> 0.
+    Args: a, b, boxes; temperature T [m] > 0.
+    """
     steepness = 0.5 / temperature
     gaps = _axis_gaps(a, b, lambda x: _soft_abs(x, temperature, steepness))
     top = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(gaps[0], gaps[1]), jnp.maximum(gaps[2], gaps[3])))
@@ -88,60 +94,17 @@ def soft_box_gap(a: Box, b: Box, temperature: float | Array) -> Array:
     return top + temperature * jnp.log(sum(others, start=first))
 
 
-def relaxed_box_gap(a: Box, b: Box, relaxation: Relaxation, scale: float | Array = 1.0) -> Array:
-    """`box_gap` [m] in the relaxation's mode. Args: scale, the difference in gap that counts as clear [m]."""
+def relaxed_box_gap(a: Box, b: Box, *, relaxation: Relaxation, scale: float | Array = 1.0) -> Array:
+    """`box_gap` [m] in the relaxation's mode.
+
+    Args: a, b, boxes; relaxation, hard or how soft; scale, the difference in gap that counts as clear [m].
+    """
     if relaxation.mode == "hard":
         return box_gap(a, b)
-    return soft.combine(lambda: box_gap(a, b), lambda: soft_box_gap(a, b, relaxation.temperature * scale), relaxation)
+    temperature = relaxation.temperature * scale
+    return soft.combine(lambda: box_gap(a, b), lambda: soft_box_gap(a, b, temperature=temperature), relaxation)
 
 
-def gap(
-    position_a: Float[Array, "*s 2"],
-    heading_a: Float[Array, "*s"],
-    length_a: Float[Array, "*s"],
-    width_a: Float[Array, "*s"],
-    position_b: Float[Array, "*s 2"],
-    heading_b: Float[Array, "*s"],
-    length_b: Float[Array, "*s"],
-    width_b: Float[Array, "*s"],
-) -> Float[Array, "*s"]:
-    """Signed separating-axis gap [m] between box a and box b, element by element.
-
-    Positive: apart, a lower bound of the Euclidean distance. Negative: minus the depth of penetration. Not
-    differentiable where two axes tie, a centre lies on the other box's axis or the boxes are parallel; there the
-    derivative is a finite one-sided or mean one. Args: centres [m], headings [rad], lengths and widths [m].
-    """
-    return box_gap(box(position_a, heading_a, length_a, width_a), box(position_b, heading_b, length_b, width_b))
-
-
-def soft_gap(
-    position_a: Float[Array, "*s 2"],
-    heading_a: Float[Array, "*s"],
-    length_a: Float[Array, "*s"],
-    width_a: Float[Array, "*s"],
-    position_b: Float[Array, "*s 2"],
-    heading_b: Float[Array, "*s"],
-    length_b: Float[Array, "*s"],
-    width_b: Float[Array, "*s"],
-    temperature: float | Float[Array, ""],
-) -> Float[Array, "*s"]:
-    """Smooth twin of `gap` [m]: T log sum exp(gap_i / T) over the four axes, with |.| rounded within T of zero.
-
-    It lies in [gap - T, gap + T (log 4 + 1/2)] and tends to `gap` with T -> 0. Args: temperature T [m] > 0.
-    """
-    a, b = box(position_a, heading_a, length_a, width_a), box(position_b, heading_b, length_b, width_b)
-    return soft_box_gap(a, b, temperature)
-
-
-def overlap(
-    position_a: Float[Array, "*s 2"],
-    heading_a: Float[Array, "*s"],
-    length_a: Float[Array, "*s"],
-    width_a: Float[Array, "*s"],
-    position_b: Float[Array, "*s 2"],
-    heading_b: Float[Array, "*s"],
-    length_b: Float[Array, "*s"],
-    width_b: Float[Array, "*s"],
-) -> Bool[Array, "*s"]:
-    """Whether the boxes share a point; touching counts."""
-    return gap(position_a, heading_a, length_a, width_a, position_b, heading_b, length_b, width_b) <= 0
+def overlap(a: Box, b: Box) -> Bool[Array, "..."]:
+    """Whether boxes of broadcastable shapes share a point; touching counts. Args: a, b, boxes."""
+    return box_gap(a, b) <= 0

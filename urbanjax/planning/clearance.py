@@ -81,7 +81,8 @@ def gaps(
         swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
         half_length = half_length + jnp.abs(swept) / 2
     ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
-    room = relaxed_box_gap(ego, other, driving.relaxation, params.gap_scale) + params.far * ignored[None, :]
+    room = relaxed_box_gap(ego, other, relaxation=driving.relaxation, scale=params.gap_scale)
+    room = room + params.far * ignored[None, :]
     valid = jnp.broadcast_to(prediction.valid[None, :], room.shape)
     return jnp.minimum(lean.where(valid, room, params.far), params.far)
 

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.geometry.boxes import gap
+from urbanjax.geometry.boxes import box, box_gap
 from urbanjax.sim import agents
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import world as worlds
@@ -34,12 +34,15 @@ def ego_gaps(lanes, scenario):
     """Gap of the ego to every vehicle, [512, V]; 1e3 where there is none."""
 
     def one(world):
-        boxes = agents.objects(lanes, world.traffic, params=SIM.traffic)
-        n = boxes.heading.shape[0]
+        cars = agents.objects(lanes, world.traffic, params=SIM.traffic)
+        n = cars.heading.shape[0]
         centre = jnp.broadcast_to(box_centre(world.ego, SIM.vehicle), (n, 2))
-        size = [jnp.full(n, value) for value in (world.ego.heading, SIM.vehicle.length, SIM.vehicle.width)]
-        found = gap(centre, *size, boxes.position, boxes.heading, boxes.length, boxes.width)
-        return jnp.where(boxes.valid, found, 1e3)
+        heading, length, width = (
+            jnp.full(n, value) for value in (world.ego.heading, SIM.vehicle.length, SIM.vehicle.width)
+        )
+        ego = box(centre, heading, length=length, width=width)
+        found = box_gap(ego, box(cars.position, cars.heading, length=cars.length, width=cars.width))
+        return jnp.where(cars.valid, found, 1e3)
 
     return np.asarray(jax.jit(jax.vmap(one))(scenario.world))
 

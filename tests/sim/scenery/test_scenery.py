@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from urbanjax.geometry.boxes import gap
+from urbanjax.geometry.boxes import box, box_gap
 from urbanjax.roadmap.builders import curve, district, intersection
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.sim.scenery.footprints import clearance
@@ -90,7 +90,8 @@ def test_solid_things_do_not_stand_in_each_other(surroundings):
     c, h, f = jnp.asarray(s.centre[solid]), jnp.asarray(s.heading[solid]), jnp.asarray(s.half[solid])
     near = np.triu(np.linalg.norm(s.centre[solid][:, None] - s.centre[solid][None], axis=-1) < 60, 1)
     a, b = np.nonzero(near)
-    clash = gap(c[a], h[a], 2 * f[a, 0], 2 * f[a, 1], c[b], h[b], 2 * f[b, 0], 2 * f[b, 1]) < -1.0
+    one, other = (box(c[k], h[k], length=2 * f[k, 0], width=2 * f[k, 1]) for k in (a, b))
+    clash = box_gap(one, other) < -1.0
     assert np.mean(clash) < 1e-3  # but for bays in their house's corner
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from urbanjax.evaluation.recorded.planning_problem import Goal, Region
 from urbanjax.evaluation.recorded.scenes import EgoStart
-from urbanjax.geometry.boxes import corners
+from urbanjax.geometry.boxes import box, corners
 from urbanjax.roadmap.graph import RoadGraph
 
 ROUNDING = 1e-6  # s or m/s, by which a bound may be missed
@@ -56,5 +56,6 @@ def _outline(region: Region) -> np.ndarray:
     if region.radius:
         angle = np.arange(DISC) * (2 * np.pi / DISC)
         return centre + region.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    box = (jnp.asarray(x, float) for x in (centre, region.heading, region.length, region.width))
-    return np.asarray(corners(*box))
+    place = (jnp.asarray(x, float) for x in (centre, region.heading, region.length, region.width))
+    at, heading, length, width = place
+    return np.asarray(corners(box(at, heading, length=length, width=width)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from urbanjax.evaluation.recorded.planning_problem import Goal, PlanningProblem
 from urbanjax.evaluation.recorded.routes import beside, find_route
-from urbanjax.geometry.boxes import overlap
+from urbanjax.geometry.boxes import box, overlap
 from urbanjax.roadmap.corridor import Corridor, CorridorParams, corridor_along, sized
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.matching import match, near
@@ -198,8 +198,10 @@ def _overlapping(recording: Recording) -> list[int | None]:
     steps = np.arange(recording.n_times)
     size = np.broadcast_to(recording.length[:, None], (count, len(steps)))
     width = np.broadcast_to(recording.width[:, None], (count, len(steps)))
-    boxes = (recording.position, recording.heading, size, width)
-    touch = np.asarray(_overlaps(*as_arrays(tuple(x[a] for x in boxes)), *as_arrays(tuple(x[b] for x in boxes))))
+    position, heading, size, width = as_arrays((recording.position, recording.heading, size, width))
+    boxes = _box(position, heading, length=size, width=width)
+    one, other = (jax.tree.map(lambda x, which=which: x[which], boxes) for which in (a, b))
+    touch = np.asarray(_overlaps(one, other))
     touch = (touch & recording.valid[a] & recording.valid[b]).any(1)
     found: list[int | None] = [None] * count
     for i, j in zip(a[touch], b[touch], strict=True):
@@ -209,7 +211,7 @@ def _overlapping(recording: Recording) -> list[int | None]:
     return found
 
 
-_overlaps = jax.jit(overlap)
+_box, _overlaps = jax.jit(box), jax.jit(overlap)
 
 
 def replay_without(recording: Recording, index: int | None) -> Replay:

@@ -4,8 +4,9 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax import Array
 
-from urbanjax.geometry.boxes import corners
+from urbanjax.geometry.boxes import box, corners
 from urbanjax.io.figures.style import LINE, ROAD
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import as_arrays
@@ -43,8 +44,11 @@ def draw_boxes(axes: Any, boxes: np.ndarray, *, colour: str, filled: bool = True
     from matplotlib.collections import PolyCollection
 
     style = {"facecolors": colour, "alpha": 0.85, "lw": 0} if filled else {"facecolors": "none", "lw": 0.8}
-    outlines = _corners(*as_arrays((boxes[:, :2], *boxes[:, 2:].T)))
+    outlines = _outlines(as_arrays(boxes))
     axes.add_collection(PolyCollection(list(np.asarray(outlines)), edgecolors=colour, zorder=6, **style))
 
 
-_corners = jax.jit(corners)
+@jax.jit
+def _outlines(boxes: Array) -> Array:
+    """Corners [n, 4, 2] m of boxes [n, 5] as `draw_boxes` takes them."""
+    return corners(box(boxes[:, :2], boxes[:, 2], length=boxes[:, 3], width=boxes[:, 4]))

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 from scipy.spatial import cKDTree
 
-from urbanjax.geometry.boxes import overlap
+from urbanjax.geometry.boxes import box, overlap
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import as_arrays
 
@@ -13,7 +13,7 @@ PERIMETER = 1.0  # m, between two points of a footprint's outline
 COARSE = 0.15  # m, by which distances between such points may be too large
 LARGE = 4.0  # m, half a diagonal
 
-_overlaps = jax.jit(overlap)
+_box, _overlaps = jax.jit(box), jax.jit(overlap)
 
 
 def clearance(graph: RoadGraph, centre: np.ndarray, *, heading: np.ndarray, half: np.ndarray) -> np.ndarray:
@@ -101,5 +101,6 @@ def _near(centre: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _overlap(rows: dict[str, np.ndarray], first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """[M] whether pairs of rectangles overlap (no separating axis)."""
     centre, heading, size = rows["centre"], rows["heading"], 2 * rows["half"]
-    boxes = as_arrays([(centre[k], heading[k], size[k, 0], size[k, 1]) for k in (first, second)])
-    return np.asarray(_overlaps(*boxes[0], *boxes[1]))
+    rectangles = as_arrays([(centre[k], heading[k], size[k, 0], size[k, 1]) for k in (first, second)])
+    one, other = (_box(at, angle, length=length, width=width) for at, angle, length, width in rectangles)
+    return np.asarray(_overlaps(one, other))

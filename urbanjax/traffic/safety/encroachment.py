@@ -26,7 +26,7 @@ def footprint(objects: Objects) -> Box:
 
     Args: objects [*s].
     """
-    return box(objects.position, objects.heading, objects.length, objects.width)
+    return box(objects.position, objects.heading, length=objects.length, width=objects.width)
 
 
 def post_encroachment_time(first: Objects, second: Objects, *, dt: float | Array, window: int) -> Array:
