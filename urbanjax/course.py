@@ -34,7 +34,7 @@ def course_between(
     via, links to visit in between, in order; laps, how often that circuit is driven; route, sizes and costs of the
     search; corridor, how the lanes around the route are sampled; its sizes are enlarged to hold the whole route.
     """
-    found = route_between(graph, start, goal, via, laps, route)
+    found = route_between(graph, start, goal=goal, via=via, laps=laps, params=route)
     params = as_arrays(sized(graph, found, corridor or CorridorParams()))
     return Course(graph, _extend(graph, found, params))
 

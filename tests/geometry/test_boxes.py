@@ -174,7 +174,5 @@ def test_modes_and_broadcasting_of_the_relaxed_gap():
     np.testing.assert_array_equal(hard, boxes.box_gap(a, b))
     through = boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.2, "straight_through"))
     np.testing.assert_allclose(through, hard, rtol=1e-6)
-        boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.2, "straight_through")), hard, rtol=1e-6
-    )
     warm = boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.1, "soft"), scale=2.0)
     np.testing.assert_array_equal(warm, boxes.soft_box_gap(a, b, temperature=0.2))

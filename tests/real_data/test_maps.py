@@ -99,7 +99,8 @@ def test_a_planning_problem_of_lankershim_can_be_routed(data_dir):
     goal = problem.goals[0].regions[0]
     ends = np.array([problem.position, goal.centre], np.float32)
     place = locate(found.graph, jnp.asarray(ends), jnp.asarray([problem.heading, goal.heading], jnp.float32))
-    route = route_between(found.graph, *(int(link) for link in place.link))
+    start, end = (int(link) for link in place.link)
+    route = route_between(found.graph, start, goal=end)
     assert [found.ids[int(link)] for link in route.link[route.valid]] == [3630, 3650, 3614]
 
 

@@ -10,7 +10,7 @@ from urbanjax.io import maps
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.costs_to_go import costs_to_go
 from urbanjax.roadmap.padding import GraphSize
-from urbanjax.roadmap.route import RouteParams, plan_route
+from urbanjax.roadmap.route import RouteParams, Trip, plan_route
 from urbanjax.types import Status
 
 pytestmark = pytest.mark.real_data
@@ -22,7 +22,13 @@ SIDES = tuple(
 )
 # Long loops: what optimising takes is saved many times over.
 FAST = {"xla_backend_optimization_level": 2, "xla_cpu_use_fusion_emitters": True}
-plan_routes = jax.jit(jax.vmap(plan_route, (None, 0, 0, None, None, None)), static_argnums=4, compiler_options=FAST)
+
+
+def plan(graph, start, goal, params):
+    return plan_route(graph, start, trip=Trip(goal), params=params)
+
+
+plan_routes = jax.jit(jax.vmap(plan, (None, 0, 0, None)), compiler_options=FAST)
 to_go = jax.jit(costs_to_go, compiler_options=FAST)
 
 
@@ -68,7 +74,7 @@ def test_routes_between_random_links(data_dir, slim, folder, least, pairs):
             best = oracle(host(graph), goals, params)[np.arange(pairs), starts]
             costs = to_go(graph, jnp.asarray(goals, jnp.int32), params)[np.arange(pairs), starts]
             np.testing.assert_allclose(costs, best, rtol=1e-5, err_msg=file.name)
-            routes = host(plan_routes(graph, starts, goals, (), 1, params))
+            routes = host(plan_routes(graph, starts, goals, params))
             reached = routes.status == Status.OK
             np.testing.assert_array_equal(reached, np.isfinite(best), err_msg=file.name)
             np.testing.assert_allclose(routes.cost[reached], best[reached], rtol=1e-5, err_msg=file.name)

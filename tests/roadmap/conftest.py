@@ -63,7 +63,7 @@ def extend_along():
         alike = pad(graph, size=GraphSize(n_links=32, n_successors=3, n_relations=8)).replace(
             area_names=("",), n_signals=0
         )
-        route = route_between(alike, start, goal, params=RouteParams(n_links=16))
+        route = route_between(alike, start, goal=goal, params=RouteParams(n_links=16))
         return compiled(alike, route, CorridorParams(n_stations=256, n_stops=4))
 
     return along
@@ -79,7 +79,7 @@ def extend_district(district):
 @pytest.fixture(scope="session")
 def corridor_course(district, course_links, extend_district):
     """One lap of the district's leftmost lane."""
-    return extend_district(route_between(district, 0, course_links[-1]))
+    return extend_district(route_between(district, 0, goal=course_links[-1]))
 
 
 @pytest.fixture(scope="session")

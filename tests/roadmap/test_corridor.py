@@ -85,7 +85,7 @@ def test_turn_at_the_intersection_is_known(corridor_course, district):
 
 
 def test_laps_repeat_the_course(district, course_links, corridor_course, extend_district, sample_jit, progress_jit):
-    e = extend_district(route_between(district, 0, course_links[-1], laps=2))
+    e = extend_district(route_between(district, 0, goal=course_links[-1], laps=2))
     assert float(e.length) == pytest.approx(2 * float(corridor_course.length), rel=1e-5)
     length = float(e.length) / 2
     a, b = (sample_jit(e, jnp.linspace(20.0, 410.0, 50) + k * length) for k in (0.0, 1.0))
@@ -252,7 +252,7 @@ def test_finite_at_the_centre_of_curvature(bend, sample_jit, to_world_jit):
 
 
 def test_sized_makes_room_for_the_route(district, course_links):
-    route = route_between(district, 0, course_links[-1])
+    route = route_between(district, 0, goal=course_links[-1])
     params = sized(district, route, CorridorParams())
     assert params.n_stations % 512 == 0
     assert params.n_stations > 5212 + 300
@@ -261,7 +261,7 @@ def test_sized_makes_room_for_the_route(district, course_links):
 
 def test_even_number_of_lanes_across_is_refused(road):
     with pytest.raises(RoadError, match="lanes must be odd"):
-        corridor_along(road, route_between(road, 2, 3, params=FEW), CorridorParams(lanes=4))
+        corridor_along(road, route_between(road, 2, goal=3, params=FEW), CorridorParams(lanes=4))
 
 
 def test_window_is_batchable(bend, window_jit):
@@ -271,7 +271,7 @@ def test_window_is_batchable(bend, window_jit):
 
 @pytest.mark.slow
 def test_extend_is_batchable(road, changing):
-    route = route_between(road, 2, 3, params=FEW)
+    route = route_between(road, 2, goal=3, params=FEW)
     params = CorridorParams(n_stations=256, n_stops=4)
     both = jax.vmap(lambda blend: corridor_along(road, route, params.replace(blend_length=blend)))(
         jnp.array([30.0, 20.0])

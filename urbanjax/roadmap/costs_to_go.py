@@ -56,7 +56,7 @@ def costs_to_go(
     Args: goals, links; changes, whether lane changes are allowed at all; blocked, links that cannot be driven.
     """
     params = RouteParams() if params is None else params
-    ways, rank, n_heads = _heads_first(moves(graph, params, changes, blocked))
+    ways, rank, n_heads = _heads_first(moves(graph, params, changes=changes, blocked=blocked))
     costs = _move_costs(ways, params.search == "lexicographic")
     chains = _chains(ways, costs)
     size = max(min(GOALS, len(goals)), 1)

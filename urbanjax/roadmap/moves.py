@@ -39,17 +39,20 @@ class Moves:
 
 
 def link_costs(graph: RoadGraph, params: RouteParams) -> Float[Array, "l"]:
-    """Cost of driving each link from end to end: its length [m] or, at the speed limit, its time [s]."""
+    """Cost of driving each link from end to end: its length [m] or, at the speed limit, its time [s].
+
+    Args: graph, the road graph.
+    """
     return graph.length if params.cost == "length" else graph.length / graph.speed_limit
 
 
 def moves(
-    graph: RoadGraph, params: RouteParams, changes: bool = True, blocked: Bool[Array, "l"] | None = None
+    graph: RoadGraph, params: RouteParams, *, changes: bool = True, blocked: Bool[Array, "l"] | None = None
 ) -> Moves:
     """All ways to leave each link.
 
     A blocked link cannot be driven: nothing leads into it, and whoever is on it leaves it by a lane change only.
-    Args: changes, whether lane changes are allowed at all; blocked, None for none.
+    Args: graph, the road graph; changes, whether lane changes are allowed at all; blocked [L], None for none.
     """
     weight = link_costs(graph, params)
     penalty = params.change_length if params.cost == "length" else params.change_time

@@ -23,6 +23,7 @@ class Remaining:
 def remaining(
     graph: RoadGraph,
     route: Route,
+    *,
     link: int | Int[Array, ""],
     station: float | Float[Array, ""],
     since: int | Int[Array, ""] = 0,
@@ -30,9 +31,11 @@ def remaining(
     """Distance and time from `station` [m] on `link` to the end of the route.
 
     A link that is left by a lane change shares its length with the next one: what is left of it counts in proportion.
-    Differentiable in the station. Args: since, the entry where the vehicle was last, which tells apart the laps.
+    Differentiable in the station.
+    Args: graph, the road graph; route, driven now; link and station, where the vehicle is; since, the entry where it
+    was last, which tells apart the laps.
     """
-    entry, on_route = entry_of(route, link, since)
+    entry, on_route = entry_of(route, link, since=since)
     index = jnp.arange(len(route.link))
     counts = route.valid & ~route.change  # a lane change is made at the start of its link, as in the route's cost
     ahead = counts & (index >= entry)

@@ -1,7 +1,5 @@
 """Routes over the road graph: the cheapest through its targets, and the cheapest of what is left of one (Eq. 12)."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from urbanjax.roadmap.costs_to_go import cost_to_go, costs_to_go
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import COSTS, SEARCHES, RouteParams, link_costs
-from urbanjax.roadmap.tracing import Route, entry_of, mission_to, trace
+from urbanjax.roadmap.tracing import Route, Trip, entry_of, mission_to, trace
 from urbanjax.types import RouteError, Status
 
 __all__ = [
@@ -19,6 +17,7 @@ __all__ = [
     "SEARCHES",
     "Route",
     "RouteParams",
+    "Trip",
     "cost_to_go",
     "costs_to_go",
     "entry_of",
@@ -30,52 +29,48 @@ __all__ = [
 
 
 def plan_route(
-    graph: RoadGraph,
-    start: int | Int[Array, ""],
-    goal: int | Int[Array, ""],
-    via: tuple[Any, ...] = (),
-    laps: int = 1,
-    params: RouteParams | None = None,
-    blocked: Bool[Array, "l"] | None = None,
+    graph: RoadGraph, start: int | Int[Array, ""], *, trip: Trip, params: RouteParams | None = None
 ) -> Route:
-    """The cheapest route from the start of link `start` to the end of link `goal` (Eq. 12).
+    """The cheapest route from the start of link `start` to the end of the trip's goal (Eq. 12).
 
-    It visits the links `via` in order, then the goal; with more than one lap this circuit is driven `laps` times. Each
-    leg moves on by at least one link, but for a plain route whose start is its goal, which has that one link. Legs are
-    optimal one by one; of lane changes at equal cost the latest is taken, but for rounding. No route drives a blocked
-    link; one that starts there leaves it by a lane change. Failure is in `status`: UNREACHABLE, or TOO_LONG for the R
-    links of `params`; what was found until then is kept.
+    It visits the links `via` of the trip in order, then the goal; with more than one lap this circuit is driven `laps`
+    times. Each leg moves on by at least one link, but for a plain route whose start is its goal, which has that one
+    link. Legs are optimal one by one; of lane changes at equal cost the latest is taken, but for rounding. No route
+    drives a blocked link; one that starts there leaves it by a lane change. Failure is in `status`: UNREACHABLE, or
+    TOO_LONG for the R links of `params`; what was found until then is kept.
+    Args: graph, the road graph; start, a link; trip, what the route is for.
     """
     params = RouteParams() if params is None else params
-    mission = mission_to(graph, goal, via, laps, params, blocked)
-    moved = not (via or laps > 1)
-    return trace(mission, jnp.asarray(start, jnp.int32), jnp.asarray(0, jnp.int32), jnp.asarray(moved), params.n_links)
+    mission = mission_to(graph, trip, params=params)
+    moved = not (trip.via or trip.laps > 1)
+    start, leg = jnp.asarray(start, jnp.int32), jnp.asarray(0, jnp.int32)
+    return trace(mission, start, leg=leg, moved=jnp.asarray(moved), n_links=params.n_links)
 
 
 def reroute(
     graph: RoadGraph,
     route: Route,
+    *,
     link: int | Int[Array, ""],
     station: float | Float[Array, ""],
-    goal: int | Int[Array, ""],
-    via: tuple[Any, ...] = (),
-    laps: int = 1,
+    trip: Trip,
     params: RouteParams | None = None,
-    blocked: Bool[Array, "l"] | None = None,
     since: int | Int[Array, ""] = 0,
 ) -> Route:
     """The cheapest route from `station` [m] on `link` through those targets of `route` that are still ahead.
 
     Targets passed on `route` are not visited again; off the route, those are that lie behind its entry `since`. The
     first link is where the vehicle is, and its cost counts from there; whether to change lanes is decided as at its
-    start. Goal, via and laps are the ones that `route` was planned with; the rest is as in `plan_route`.
-    Args: since, the entry of `route` where the vehicle was last, which tells apart the laps.
+    start. The rest is as in `plan_route`.
+    Args: graph, the road graph; route, driven until now; link and station m, where the vehicle is; trip, the one that
+    `route` was planned for, with the links that are blocked now; since, the entry of `route` where the vehicle was
+    last, which tells apart the laps.
     """
     params = RouteParams() if params is None else params
-    mission = mission_to(graph, goal, via, laps, params, blocked)
+    mission = mission_to(graph, trip, params=params)
     link = jnp.asarray(link, jnp.int32)
-    entry, on_route = entry_of(route, link, since)
-    found = trace(mission, link, route.leg[entry], ~on_route, params.n_links)
+    entry, on_route = entry_of(route, link, since=since)
+    found = trace(mission, link, leg=route.leg[entry], moved=~on_route, n_links=params.n_links)
     driven = jnp.argmax(found.valid & ~found.change)
     share = jnp.clip(station / graph.length[link], 0, 1)
     behind = jnp.where(found.status == Status.OK, share * link_costs(graph, params)[found.link[driven]], 0)
@@ -85,13 +80,18 @@ def reroute(
 def route_between(
     graph: RoadGraph,
     start: int,
+    *,
     goal: int,
     via: tuple[int, ...] = (),
     laps: int = 1,
     params: RouteParams | None = None,
     blocked: Bool[Array, "l"] | np.ndarray | None = None,
 ) -> Route:
-    """`plan_route` for a caller outside jit: raises RouteError, naming the links, where there is no route."""
+    """`plan_route` for a caller outside jit: raises RouteError, naming the links, where there is no route.
+
+    Args: graph, the road graph; start and goal, links; via, links to visit in between, in order; laps, how often that
+    circuit is driven; blocked [L], links that cannot be driven.
+    """
     params = RouteParams() if params is None else params
     valid = np.asarray(graph.valid)
     for name, link in (("start", start), *(("via", link) for link in via), ("goal", goal)):
@@ -106,7 +106,7 @@ def route_between(
     if blocked is not None and (blocked.shape != valid.shape or blocked.dtype != bool):
         raise RouteError(f"blocked is {blocked.dtype}{list(blocked.shape)}: give a bool for each of {len(valid)} links")
     blocked = None if blocked is None else jnp.asarray(blocked)
-    route = _plan_jit(graph, start, goal, via, laps, params, blocked)
+    route = _plan_jit(graph, start, trip=Trip(goal, via, blocked, laps), params=params)
     status = Status(int(route.status))
     if status == Status.UNREACHABLE:
         way = "".join(f" via {link}" for link in via) + ("" if blocked is None else " past the blocked links")
@@ -118,4 +118,4 @@ def route_between(
     return route
 
 
-_plan_jit = jax.jit(plan_route, static_argnames="laps")
+_plan_jit = jax.jit(plan_route)

@@ -1,7 +1,5 @@
 """A route traced link by link: from a start, on the best ways to one target after the other (Eq. 12)."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
@@ -10,7 +8,7 @@ from jaxtyping import Int
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import Moves, RouteParams, moves
 from urbanjax.roadmap.potential import Potential, potential
-from urbanjax.types import Status, pytree
+from urbanjax.types import Status, pytree, static
 
 
 @pytree
@@ -26,6 +24,16 @@ class Route:
 
 
 @pytree
+class Trip:
+    """What a route is for: the links `via` in order and then the goal; this circuit is driven `laps` times."""
+
+    goal: int | Array  # [] int32, a link
+    via: tuple[int | Array, ...] = ()  # links
+    blocked: Array | None = None  # [L] bool, links that cannot be driven
+    laps: int = static(default=1)
+
+
+@pytree
 class Mission:
     """The targets to be visited in order, so many times over, and the best ways to each (V variants)."""
 
@@ -35,29 +43,36 @@ class Mission:
     n_legs: Array  # [] int32, T times the laps
 
 
-def entry_of(route: Route, link: int | Int[Array, ""], since: int | Int[Array, ""] = 0) -> tuple[Array, Array]:
-    """The first entry [] of the route at or after `since` that is this link; and whether there is one, else `since`."""
+def entry_of(route: Route, link: int | Int[Array, ""], *, since: int | Int[Array, ""] = 0) -> tuple[Array, Array]:
+    """The first entry [] of the route at or after `since` that is this link; and whether there is one, else `since`.
+
+    Args: route, in driving order; link, sought; since, entry from which the search starts.
+    """
     here = (route.link == link) & route.valid & (jnp.arange(len(route.link)) >= since)
     on_route = jnp.any(here)
     return jnp.where(on_route, jnp.argmax(here), since).astype(jnp.int32), on_route
 
 
-def mission_to(
-    graph: RoadGraph, goal: Any, via: tuple[Any, ...], laps: int, params: RouteParams, blocked: Array | None
-) -> Mission:
-    """The targets of a route, with the table of each for each variant of the search."""
-    targets = jnp.stack([jnp.asarray(link, jnp.int32) for link in (*via, goal)])
-    ways = moves(graph, params, True, blocked)
-    variants = [ways] if params.search != "two_stage" else [moves(graph, params, False, blocked), ways]
+def mission_to(graph: RoadGraph, trip: Trip, *, params: RouteParams) -> Mission:
+    """The targets of a trip, with the table of each for each variant of the search.
+
+    Args: graph, the road graph; trip, what the route is for.
+    """
+    targets = jnp.stack([jnp.asarray(link, jnp.int32) for link in (*trip.via, trip.goal)])
+    ways = moves(graph, params, blocked=trip.blocked)
+    variants = (
+        [ways] if params.search != "two_stage" else [moves(graph, params, changes=False, blocked=trip.blocked), ways]
+    )
     tables = [lax.map(lambda target, m=m: potential(m, target), targets) for m in variants]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *tables)
-    return Mission(ways, targets, stacked, jnp.asarray(laps * len(targets), jnp.int32))
+    return Mission(ways, targets, stacked, jnp.asarray(trip.laps * len(targets), jnp.int32))
 
 
-def trace(mission: Mission, link: Array, leg: Array, moved: Array, n_links: int) -> Route:
+def trace(mission: Mission, link: Array, *, leg: Array, moved: Array, n_links: int) -> Route:
     """The route from `link` through the targets from number `leg` on.
 
-    Args: moved, whether starting at that target is reaching it; n_links, R.
+    Args: mission, the targets and the ways to them; link, where the route starts; leg, number of the first target;
+    moved, whether starting at that target is reaching it; n_links, R.
     """
     ways, tables, targets = mission.moves, mission.tables, mission.targets
     n_targets = len(targets)

@@ -20,7 +20,7 @@ def find_route(graph: RoadGraph, start: int, *, goals: Sequence[int]) -> Route:
     found: list[Route] = []
     for goal in goals:
         with contextlib.suppress(RouteError):
-            found.append(route_between(graph, start, goal, params=params))
+            found.append(route_between(graph, start, goal=goal, params=params))
     if not found:
         raise RouteError(f"none of the links {list(goals)} can be reached from link {start}")
     best = min(found, key=lambda route: float(route.cost))
@@ -29,7 +29,7 @@ def find_route(graph: RoadGraph, start: int, *, goals: Sequence[int]) -> Route:
     if beyond == last:
         return best
     via = () if last == start else (last,)
-    return route_between(graph, start, beyond, via, params=params)
+    return route_between(graph, start, goal=beyond, via=via, params=params)
 
 
 def beside(graph: RoadGraph, link: int) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 from urbanjax.course import Course
 from urbanjax.roadmap.corridor import CorridorParams, corridor_along
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.roadmap.route import RouteParams, cost_to_go, plan_route
+from urbanjax.roadmap.route import RouteParams, Trip, cost_to_go, plan_route
 from urbanjax.types import RouteError, Status
 
 BODY = 6.0  # m, a vehicle's length and a bit
@@ -101,7 +101,7 @@ def _course(
     search: RouteParams,
     params: CorridorParams,
 ) -> tuple[Course, jax.Array]:
-    route = plan_route(graph, start, goal, laps=laps, params=search)
+    route = plan_route(graph, start, trip=Trip(goal, laps=laps), params=search)
     corridor = corridor_along(graph, route, params)
     corridor = corridor.replace(change=_clear_of_bars(corridor.change, round(BODY / params.spacing)))
     return Course(graph, corridor), jnp.asarray(route.status)
