@@ -9,7 +9,7 @@ Piece = tuple[float, float, float]  # length m, curvature at its start and at it
 
 
 @dataclasses.dataclass(frozen=True)
-class Line:
+class Curve:
     """A curve sampled so finely that cubic interpolation between its samples is exact to micrometres."""
 
     station: np.ndarray  # [n] m
@@ -25,28 +25,28 @@ class Line:
         """x, y, heading of the last point."""
         return float(self.position[-1, 0]), float(self.position[-1, 1]), float(self.heading[-1])
 
-    def at(self, station: np.ndarray) -> "Line":
+    def at(self, station: np.ndarray) -> "Curve":
         """The curve at the given stations [m] (clipped to its ends)."""
         s = np.clip(station, 0.0, self.length)
         i = np.clip(np.searchsorted(self.station, s, side="right") - 1, 0, len(self.station) - 2)
         position = hermite(self.position, self.heading, np.diff(self.station)[i], i, s - self.station[i])
-        return Line(np.asarray(station, float), position, np.interp(s, self.station, self.heading))
+        return Curve(np.asarray(station, float), position, np.interp(s, self.station, self.heading))
 
-    def cut(self, start: float, end: float, step: float = 0.5) -> "Line":
+    def cut(self, start: float, end: float, step: float = 0.5) -> "Curve":
         """The part between two stations, its own stations starting from 0."""
         part = self.at(np.linspace(start, end, max(int(np.ceil((end - start) / step)), 8) + 1))
         return dataclasses.replace(part, station=part.station - start)
 
-    def reversed(self) -> "Line":
+    def reversed(self) -> "Curve":
         """The same curve in the other direction."""
-        return Line(self.length - self.station[::-1], self.position[::-1], self.heading[::-1] + np.pi)
+        return Curve(self.length - self.station[::-1], self.position[::-1], self.heading[::-1] + np.pi)
 
-    def shifted(self, offset: float) -> "Line":
+    def shifted(self, offset: float) -> "Curve":
         """The parallel curve `offset` metres to the left; its stations are its own arc length."""
         bend = np.gradient(self.heading, self.station)
         speed = 1.0 - offset * 0.5 * (bend[1:] + bend[:-1])
         station = np.concatenate([[0.0], np.cumsum(np.diff(self.station) * speed)])
-        return Line(station, self.position + offset * normal(self.heading), self.heading)
+        return Curve(station, self.position + offset * normal(self.heading), self.heading)
 
 
 def normal(heading: np.ndarray) -> np.ndarray:
@@ -70,7 +70,7 @@ def hermite(
     )
 
 
-def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), step: float = 0.25) -> Line:
+def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), step: float = 0.25) -> Curve:
     """The curve through the pieces (lines, arcs, clothoids), from `start` = x, y, heading."""
     nodes, weights = np.polynomial.legendre.leggauss(5)
     x, y, heading = start
@@ -89,7 +89,7 @@ def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0
         stations.append(stations[-1][-1] + edges[1:])
         positions.append(positions[-1][-1] + np.cumsum(moves, 0))
         headings.append(angle(edges[1:]))
-    return Line(np.concatenate(stations), np.concatenate(positions), np.concatenate(headings))
+    return Curve(np.concatenate(stations), np.concatenate(positions), np.concatenate(headings))
 
 
 def turn(angle: float, radius: float, transition: float = 0.0) -> list[Piece]:
@@ -100,7 +100,7 @@ def turn(angle: float, radius: float, transition: float = 0.0) -> list[Piece]:
     return [(ramp, 0.0, k * 1.0), (arc, k, k), (ramp, k, 0.0)]
 
 
-def connect(start: tuple[float, float, float], end: tuple[float, float, float], step: float = 0.25) -> Line:
+def connect(start: tuple[float, float, float], end: tuple[float, float, float], step: float = 0.25) -> Curve:
     """A smooth curve between two poses (x, y, heading).
 
     Line, arc, line where the tangents meet ahead of the start and behind the end; otherwise a cubic.
@@ -120,7 +120,7 @@ def connect(start: tuple[float, float, float], end: tuple[float, float, float], 
     return _cubic(a, b, ta, tb, start[2], step)
 
 
-def _cubic(a, b, ta, tb, heading: float, step: float) -> Line:
+def _cubic(a, b, ta, tb, heading: float, step: float) -> Curve:
     """The cubic from a to b with unit tangents ta and tb, by arc length."""
     size = np.linalg.norm(b - a)
     t = np.linspace(0.0, 1.0, max(int(np.ceil(size / step)) * 2, 32) + 1)[:, None]
@@ -132,4 +132,4 @@ def _cubic(a, b, ta, tb, heading: float, step: float) -> Line:
     angle += 2 * np.pi * np.round((heading - angle[0]) / (2 * np.pi))
     speed = np.linalg.norm(slope, axis=-1)
     station = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t[:, 0]))])
-    return Line(station, position, angle)
+    return Curve(station, position, angle)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.curves import Line, Piece, trace, turn
+from urbanjax.roadmap.builders.curves import Curve, Piece, trace, turn
 from urbanjax.roadmap.builders.junctions import join
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.sections import corridor, evenly
@@ -115,7 +115,7 @@ def _closed(course: tuple[_Element, ...]) -> list[_Element]:
 
 
 def _cross(
-    specs: list[LaneSpec], line: Line, breaks: list[float], corner: int, n_signals: int, common: dict[str, Any]
+    specs: list[LaneSpec], line: Curve, breaks: list[float], corner: int, n_signals: int, common: dict[str, Any]
 ) -> list[LaneSpec]:
     """The course with the roads that cross it at C: legs to the east and south, and the other sides of the course."""
     start, end = line.at(np.array([breaks[corner]])), line.at(np.array([breaks[corner + 1]]))
@@ -128,7 +128,7 @@ def _cross(
     west = line.cut(breaks[corner] - LEG, breaks[corner]).reversed()
     north = line.cut(breaks[corner + 1], breaks[corner + 1] + LEG).reversed()
 
-    def leg(name: str, way: Line, n: int, signal: int | None = None) -> list[LaneSpec]:
+    def leg(name: str, way: Curve, n: int, signal: int | None = None) -> list[LaneSpec]:
         fields = {} if signal is None else {"signals": ((n_signals + signal, LEG - 2.0),)}
         return corridor(name, way, [0.0, way.length], [n], area="cross", **fields, **common)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.curves import Line, connect, trace, turn
+from urbanjax.roadmap.builders.curves import Curve, connect, trace, turn
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.sections import check_sizes, corridor, evenly
 from urbanjax.roadmap.builders.specs import LaneSpec, RoadStyle
@@ -147,7 +147,7 @@ def merge(
     return assemble(specs, style.n_points)
 
 
-def _straight_line(length: float, y: float) -> Line:
+def _straight_line(length: float, y: float) -> Curve:
     return trace([(length, 0.0, 0.0)], (0.0, y, 0.0), step=length / 8)
 
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from urbanjax.roadmap.builders.curves import Line, normal
+from urbanjax.roadmap.builders.curves import Curve, normal
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.types import RoadError
 
 
 def corridor(
     name: str,
-    line: Line,
+    line: Curve,
     breaks: Sequence[float] | np.ndarray,
     n_lanes: Sequence[int],
     lane_width: float = 3.5,
