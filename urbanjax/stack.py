@@ -22,7 +22,7 @@ from urbanjax.planning import situation as situations
 from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, Plan
 from urbanjax.planning.situation import Situation, SituationParams
-from urbanjax.roadmap.corridor import progress
+from urbanjax.roadmap.progress import progress
 from urbanjax.types import HANDED_DOWN, Command, ConfigError, Mount, Observation, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams

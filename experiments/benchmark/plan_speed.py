@@ -12,7 +12,7 @@ from urbanjax.course import Course
 from urbanjax.planning import plan as plans
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.planning.situation import look
-from urbanjax.roadmap.corridor import progress
+from urbanjax.roadmap.progress import progress
 from urbanjax.rollout import LoopParams
 from urbanjax.sim import world as worlds
 from urbanjax.sim.lanes import LaneTables

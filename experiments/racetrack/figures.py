@@ -21,7 +21,8 @@ from urbanjax.planning.previous import nothing
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.builders import curve
 from urbanjax.roadmap.builders.specs import RoadStyle
-from urbanjax.roadmap.corridor import Corridor, Progress, WindowParams, to_world, window
+from urbanjax.roadmap.corridor import Corridor, WindowParams, window
+from urbanjax.roadmap.progress import Progress, to_world
 from urbanjax.types import Prediction, VehicleState, as_arrays
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams

@@ -7,7 +7,7 @@ import pytest
 from urbanjax.behavior import lanes
 from urbanjax.behavior.lanes import LaneParams
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.corridor import Sample
+from urbanjax.roadmap.progress import Sample
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 

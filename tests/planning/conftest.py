@@ -10,7 +10,8 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, plan
 from urbanjax.planning.previous import nothing
 from urbanjax.planning.situation import Situation
-from urbanjax.roadmap.corridor import Corridor, Progress
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import Progress
 from urbanjax.types import Prediction, VehicleState, as_arrays
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams

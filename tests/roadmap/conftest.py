@@ -6,8 +6,9 @@ import pytest
 
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.builders.specs import RoadStyle
-from urbanjax.roadmap.corridor import CorridorParams, corridor_along, progress, sample, sized, to_world, window
+from urbanjax.roadmap.corridor import CorridorParams, corridor_along, sized, window
 from urbanjax.roadmap.padding import GraphSize, pad
+from urbanjax.roadmap.progress import progress, sample, to_world
 from urbanjax.roadmap.route import RouteParams, route_between
 
 

@@ -7,8 +7,9 @@ import pytest
 
 from urbanjax.roadmap import builders
 from urbanjax.roadmap.builders.specs import RoadStyle
-from urbanjax.roadmap.corridor import CorridorParams, WindowParams, corridor_along, progress, sized, window
+from urbanjax.roadmap.corridor import CorridorParams, WindowParams, corridor_along, sized, window
 from urbanjax.roadmap.graph import Turn
+from urbanjax.roadmap.progress import progress
 from urbanjax.roadmap.route import RouteParams, route_between
 from urbanjax.types import RoadError
 

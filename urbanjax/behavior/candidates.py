@@ -8,7 +8,7 @@ from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
 from urbanjax.planning.clearance import Passage, gaps
 from urbanjax.planning.situation import Situation
-from urbanjax.roadmap.corridor import Sample
+from urbanjax.roadmap.progress import Sample
 from urbanjax.types import Path, Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.roadmap.corridor import Sample
+from urbanjax.roadmap.progress import Sample
 from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
 

@@ -6,7 +6,8 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
-from urbanjax.roadmap.corridor import Corridor, progress, sample
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import progress, sample
 from urbanjax.types import Objects, pytree
 from urbanjax.vehicle.driving import Driving
 

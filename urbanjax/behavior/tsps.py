@@ -23,7 +23,8 @@ from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, deci
 from urbanjax.numerics import soft
 from urbanjax.planning.plan import Plan
 from urbanjax.planning.situation import Situation
-from urbanjax.roadmap.corridor import Corridor, Progress, Sample, sample, sample_one
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import Progress, Sample, sample
 from urbanjax.types import Path, pytree
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.profile import free_flow
@@ -132,7 +133,7 @@ def look(situation: Situation, driving: Driving, *, path: Path) -> View:
     body = body_of(situation, driving.vehicle)
     return View(
         road=sample(situation.window, path.station),
-        here=sample_one(situation.window, body.front),
+        here=sample(situation.window, body.front),
         surroundings=relate(situation.objects, situation.window),
         body=body,
         signal=signal_ahead(situation, body, params=driving.params.tsps),

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 from urbanjax.geometry import frenet
 from urbanjax.numerics import lean
 from urbanjax.planning.basis import product
-from urbanjax.roadmap.corridor import Corridor, Sample, sample
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import Sample, sample
 from urbanjax.types import pytree
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.planning import shape
 from urbanjax.planning.cross_section import CrossSections
-from urbanjax.roadmap.corridor import Progress
+from urbanjax.roadmap.progress import Progress
 from urbanjax.types import VehicleState, pytree
 
 NEWTON_STEPS = 3  # and a last one that carries the derivative

@@ -13,7 +13,8 @@ from urbanjax.evaluation import collisions, metrics
 from urbanjax.evaluation.collisions import Collision, Contact
 from urbanjax.evaluation.recorded import goals
 from urbanjax.evaluation.recorded.scenes import RecordedScene
-from urbanjax.roadmap.corridor import Corridor, progress
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import progress
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
 from urbanjax.sim.lanes import LaneTables

@@ -7,7 +7,8 @@ import numpy as np
 
 from urbanjax.io.figures.style import BAD
 from urbanjax.planning.macro import MacroPlan
-from urbanjax.roadmap.corridor import Corridor, to_world
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import to_world
 
 SHOWN = 1e-3  # weight from which a node or an edge is drawn in colour
 MARGINAL = "viridis_r"

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from urbanjax.roadmap.corridor import Corridor, sample, to_world
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import sample, to_world
 from urbanjax.types import Objects, Odometry, VehicleState, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
