@@ -35,8 +35,8 @@ def course_between(
     search; corridor, how the lanes around the route are sampled; its sizes are enlarged to hold the whole route.
     """
     found = route_between(graph, start, goal=goal, via=via, laps=laps, params=route)
-    params = as_arrays(sized(graph, found, corridor or CorridorParams()))
-    return Course(graph, _extend(graph, found, params))
+    params = as_arrays(sized(graph, found, params=corridor or CorridorParams()))
+    return Course(graph, _extend(graph, found, params=params))
 
 
 _extend = jax.jit(corridor_along)

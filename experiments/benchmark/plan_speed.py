@@ -40,7 +40,7 @@ def measure(
     planning = as_arrays(stack.planning.replace(primitives=study.fan))
     driving = stack.driving(planning)
     seen = worlds.observe(sim, lanes, world=world)
-    station = progress(course.corridor, world.ego.position, world.ego.heading).station
+    station = progress(course.corridor, world.ego.position, heading=world.ego.heading).station
     at = look(stack.situation, course, station=station, ego=world.ego, observation=seen)
     memory = as_arrays(plans.nothing(planning))
     program = jax.jit(lambda at, driving, memory: plans.plan(at, driving, memory=memory))

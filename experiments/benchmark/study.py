@@ -118,7 +118,8 @@ def _stack_step(
 
 def _routing(study: BenchStudy, course: Course) -> dict[str, float]:
     """Goals per second to which the least cost from every link of the district is found, all of them at once."""
-    search, program = as_arrays(RouteParams()), jax.jit(costs_to_go)
+    search = as_arrays(RouteParams())
+    program = jax.jit(lambda graph, goals, search: costs_to_go(graph, goals, params=search))
     goals = jnp.arange(study.goals, dtype=jnp.int32) % len(course.graph.length)
     timing.seconds(program, course.graph, goals, search)
     return {

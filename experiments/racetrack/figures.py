@@ -55,10 +55,10 @@ def draw_macro(path: Path, temperature: float) -> None:
     graph = curve(60.0, np.pi / 3, n_lanes=3, lead=60.0, style=RoadStyle(section=500.0))
     links = [k for k in range(graph.length.shape[0]) if bool(graph.has_left[k] & graph.has_right[k])]
     course = course_between(graph, links[0], goal=links[-1])
-    ahead = as_arrays(window(course.corridor, jnp.asarray(30.0), WindowParams()))
+    ahead = as_arrays(window(course.corridor, jnp.asarray(30.0), params=WindowParams()))
     leader = _leader(ahead, station=62.0, speed=3.0)
     vehicle, params = as_arrays(VehicleParams()), as_arrays(MacroParams())
-    position, heading, _ = to_world(ahead, jnp.asarray(30.0), jnp.asarray(0.0))
+    position, heading, _ = to_world(ahead, jnp.asarray(30.0), offset=jnp.asarray(0.0))
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position=position, heading=heading, speed=zero + 10, acceleration=zero, steering=zero)
     place = Progress(station=zero + 30, offset=zero, heading_error=zero)
@@ -85,7 +85,7 @@ def draw_macro(path: Path, temperature: float) -> None:
 def _leader(ahead: Corridor, station: float, speed: float) -> Prediction:
     """A vehicle on the route's lane, predicted at constant speed."""
     time = jnp.linspace(0.0, 8.0, 17)
-    position, heading, _ = to_world(ahead, station + speed * time, jnp.zeros_like(time))
+    position, heading, _ = to_world(ahead, station + speed * time, offset=jnp.zeros_like(time))
     return as_arrays(
         Prediction(
             position=position[None],

@@ -111,10 +111,10 @@ def test_matching_follows_a_lane_change_and_ignores_noise(graph):
     x = np.linspace(10, 400, 80)
     noise = 0.4 * np.sin(np.arange(80))
     y = np.where(x < 200, RIGHT, LEFT) + noise
-    links = matching.match(graph, np.stack([x, y], 1), np.zeros(80))
+    links = matching.match(graph, np.stack([x, y], 1), heading=np.zeros(80))
     expected = 2 * np.minimum(x // 150, 3).astype(int) + (x < 200)
     assert np.mean(links == expected) > 0.95
-    assert matching.match(graph, np.array([[50.0, 30.0]]), np.zeros(1)) is None
+    assert matching.match(graph, np.array([[50.0, 30.0]]), heading=np.zeros(1)) is None
 
 
 def test_nobody_to_replace_is_an_error(road):

@@ -15,7 +15,12 @@ def arc(n=16, start=3.0):
     return jnp.asarray(position), jnp.asarray(angle), jnp.full(n, 1 / RADIUS)
 
 
-sample = jax.jit(lambda line, station: frenet.sample(*line, 3.0, SPACING, station))
+@jax.jit
+def sample(line, station):
+    position, heading, curvature = line
+    return frenet.sample(position, heading, curvature=curvature, start=3.0, spacing=SPACING, station=station)
+
+
 offset_curve = jax.jit(frenet.offset_curve)
 
 
@@ -49,7 +54,7 @@ def test_position_is_continuously_differentiable_with_the_headings_as_tangents(x
     ("station", "index", "fraction", "beyond"), [(1.0, 0, 0.0, -2.0), (6.0, 1, 0.5, 0.0), (11.0, 2, 1.0, 2.0)]
 )
 def test_cells_of_the_grid(station, index, fraction, beyond):
-    found = frenet.cell(3.0, SPACING, 4, jnp.asarray(station))
+    found = frenet.cell(3.0, SPACING, n=4, station=jnp.asarray(station))
     np.testing.assert_allclose([float(v) for v in found], [index, fraction, beyond])
 
 
@@ -77,7 +82,9 @@ def test_queries_of_any_shape(x64):
 
 
 def test_offset_of_a_circle_is_a_circle(x64):
-    heading, curvature = offset_curve(jnp.array([0.3]), jnp.array([0.1]), jnp.array([4.0]), jnp.zeros(1), jnp.zeros(1))
+    heading, curvature = offset_curve(
+        jnp.array([0.3]), jnp.array([0.1]), offset=jnp.array([4.0]), slope=jnp.zeros(1), bend=jnp.zeros(1)
+    )
     np.testing.assert_allclose([heading[0], curvature[0]], [0.3, 1 / 6], rtol=1e-12)
 
 
@@ -101,15 +108,15 @@ def test_offset_curve_equals_the_differentiated_curve(x64):
     heading, curvature = offset_curve(
         a * s + b * s * s,
         a + 2 * b * s,
-        wave(s),
-        jax.vmap(jax.grad(wave))(s),
-        jax.vmap(jax.grad(jax.grad(wave)))(s),
-        jnp.full(9, 2 * b),
+        offset=wave(s),
+        slope=jax.vmap(jax.grad(wave))(s),
+        bend=jax.vmap(jax.grad(jax.grad(wave)))(s),
+        curvature_slope=jnp.full(9, 2 * b),
     )
     np.testing.assert_allclose(np.exp(1j * heading), (v[:, 0] + 1j * v[:, 1]) / speed, atol=1e-12)
     np.testing.assert_allclose(curvature, (v[:, 0] * dv[:, 1] - v[:, 1] * dv[:, 0]) / speed**3, atol=1e-12)
     np.testing.assert_allclose(
-        frenet.offset_length(a + 2 * b * s, wave(s), jax.vmap(jax.grad(wave))(s)), speed, atol=1e-12
+        frenet.offset_length(a + 2 * b * s, wave(s), slope=jax.vmap(jax.grad(wave))(s)), speed, atol=1e-12
     )
 
 
@@ -119,15 +126,15 @@ def test_to_world_offsets_to_the_left():
 
 
 def test_mirror_changes_the_signs_only(x64):
-    arguments = [jnp.array([v]) for v in (0.4, 0.05, 2.0, 0.3, -0.1, 0.01)]
-    heading, curvature = offset_curve(*arguments)
-    mirrored_heading, mirrored_curvature = offset_curve(*[-v for v in arguments])
+    numbers = {"heading": 0.4, "curvature": 0.05, "offset": 2.0, "slope": 0.3, "bend": -0.1, "curvature_slope": 0.01}
+    heading, curvature = offset_curve(**{name: jnp.array([v]) for name, v in numbers.items()})
+    mirrored_heading, mirrored_curvature = offset_curve(**{name: jnp.array([-v]) for name, v in numbers.items()})
     np.testing.assert_allclose([mirrored_heading, mirrored_curvature], [-heading, -curvature], rtol=1e-12)
 
 
 def test_gradients_are_finite_at_and_beyond_the_centre_of_curvature():
     def value(kappa, d, slope):
-        return jnp.sum(jnp.stack(frenet.offset_curve(jnp.zeros_like(d), kappa, d, slope, slope)))
+        return jnp.sum(jnp.stack(frenet.offset_curve(jnp.zeros_like(d), kappa, offset=d, slope=slope, bend=slope)))
 
     for d in (0.0, 10.0, 12.0):
         arguments = (jnp.asarray(0.1), jnp.asarray(d), jnp.asarray(0.0))

@@ -8,7 +8,9 @@ import pytest
 from urbanjax.geometry import polyline
 
 project = jax.jit(polyline.project)
-project_all_masked = jax.jit(jax.vmap(polyline.project, (None, 0, None)))
+project_all_masked = jax.jit(
+    lambda points, queries, mask: jax.vmap(lambda query: polyline.project(points, query, mask=mask))(queries)
+)
 project_all = jax.jit(jax.vmap(polyline.project, (None, 0)))
 arc_length, headings, curvatures = map(jax.jit, (polyline.arc_length, polyline.headings, polyline.curvatures))
 interpolate, resample = jax.jit(polyline.interpolate), jax.jit(polyline.resample, static_argnums=1)
@@ -166,7 +168,7 @@ def test_offset_on_the_line_has_the_normal_as_gradient():
 @jax.jit
 @jax.value_and_grad
 def everything(arguments):
-    p = polyline.project(*arguments[:2], jnp.arange(4) < arguments[2])
+    p = polyline.project(*arguments[:2], mask=jnp.arange(4) < arguments[2])
     return p.station + p.offset + p.heading + p.curvature + p.distance + p.position.sum() + p.fraction
 
 
@@ -212,7 +214,7 @@ def test_interpolate_equals_numpy(x64):
     rng = np.random.default_rng(6)
     grid, values = np.sort(rng.uniform(0, 9, 8)), rng.normal(size=(8, 3))
     query = rng.uniform(-1, 10, (4, 5))
-    found = interpolate(jnp.asarray(grid), jnp.asarray(values), jnp.asarray(query))
+    found = interpolate(jnp.asarray(grid), jnp.asarray(values), query=jnp.asarray(query))
     for c in range(3):
         np.testing.assert_allclose(found[..., c], np.interp(query, grid, values[:, c]), atol=1e-12)
 

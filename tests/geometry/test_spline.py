@@ -25,7 +25,9 @@ def knots(seed=0, n=9):
 @pytest.mark.parametrize("boundary", ["clamped", "natural"])
 def test_equals_scipy(x64, n, boundary):
     station, value, slopes = knots(n=n)
-    found = fit(jnp.asarray(station), jnp.asarray(value), jnp.asarray(slopes) if boundary == "clamped" else None)
+    found = fit(
+        jnp.asarray(station), jnp.asarray(value), end_slopes=jnp.asarray(slopes) if boundary == "clamped" else None
+    )
     ends = ((1, slopes[0]), (1, slopes[1])) if boundary == "clamped" else "natural"
     peer = CubicSpline(station, value, bc_type=ends)
     query = np.linspace(station[0], station[-1], 57)
@@ -39,15 +41,15 @@ def test_repeated_knots_change_nothing(x64, boundary):
     ends = jnp.asarray(slopes) if boundary == "clamped" else None
     index = np.repeat(np.arange(9), [3, 1, 2, 1, 1, 4, 1, 1, 5])
     query = np.concatenate([station, np.linspace(station[0] - 1, station[-1] + 1, 40)])
-    expected = evaluate(fit(jnp.asarray(station), jnp.asarray(value), ends), query)
-    found = evaluate(fit(jnp.asarray(station[index]), jnp.asarray(value[index]), ends), query)
+    expected = evaluate(fit(jnp.asarray(station), jnp.asarray(value), end_slopes=ends), query)
+    found = evaluate(fit(jnp.asarray(station[index]), jnp.asarray(value[index]), end_slopes=ends), query)
     for ours, plain in zip(found, expected, strict=True):
         np.testing.assert_allclose(ours, plain, atol=1e-9)
 
 
 def test_value_slope_and_bend_are_continuous_across_knots(x64):
     station, value, slopes = knots(seed=2)
-    fitted = fit(jnp.asarray(station), jnp.asarray(value), jnp.asarray(slopes))
+    fitted = fit(jnp.asarray(station), jnp.asarray(value), end_slopes=jnp.asarray(slopes))
     for before, after in zip(
         evaluate(fitted, station[1:-1] - 1e-10), evaluate(fitted, station[1:-1] + 1e-10), strict=True
     ):
@@ -56,14 +58,14 @@ def test_value_slope_and_bend_are_continuous_across_knots(x64):
 
 def test_passes_through_its_knots_with_the_given_end_slopes():
     station, value, slopes = (jnp.asarray(v, jnp.float32) for v in knots(seed=3))
-    on, slope, _ = evaluate(fit(station, value, slopes), station)
+    on, slope, _ = evaluate(fit(station, value, end_slopes=slopes), station)
     np.testing.assert_allclose(on, value, atol=1e-5)
     np.testing.assert_allclose(slope[jnp.array([0, -1])], slopes, atol=1e-4)
 
 
 def test_beyond_its_ends_it_goes_straight_on(x64):
     station, value, slopes = knots(seed=4)
-    fitted = fit(jnp.asarray(station), jnp.asarray(value), jnp.asarray(slopes))
+    fitted = fit(jnp.asarray(station), jnp.asarray(value), end_slopes=jnp.asarray(slopes))
     on, slope, bend = evaluate(fitted, jnp.array([station[0] - 2, station[-1] + 3]))
     np.testing.assert_allclose(on, value[[0, -1]] + np.array([[-2.0], [3.0]]) * slopes, atol=1e-9)
     np.testing.assert_allclose(slope, slopes, atol=1e-9)
@@ -107,8 +109,8 @@ def test_gradients_equal_finite_differences(x64):
 
     @jax.jit
     def moved(step):
-        changed = [v + step * d for v, d in zip((station, value, slopes), directions, strict=True)]
-        return jnp.stack(spline.evaluate(spline.fit(*changed), jnp.asarray(query)))
+        at, values, ends = (v + step * d for v, d in zip((station, value, slopes), directions, strict=True))
+        return jnp.stack(spline.evaluate(spline.fit(at, values, end_slopes=ends), jnp.asarray(query)))
 
     _, slope = jax.jvp(moved, (0.0,), (1.0,))
     expected = (moved(1e-6) - moved(-1e-6)) / 2e-6

@@ -16,7 +16,9 @@ N, K = 3000, 6
 def search():
     def both(queries, points, asked, valid):
         depth = trees.depth(queries.shape[0])
-        return nearest_among(trees.build(queries.T, asked, depth), trees.build(points.T, valid, depth), K)
+        return nearest_among(
+            trees.build(queries.T, asked, levels=depth), trees.build(points.T, valid, levels=depth), k=K
+        )
 
     return jax.jit(both)
 

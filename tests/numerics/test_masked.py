@@ -20,8 +20,8 @@ HOLES = np.where(MASK, X, np.nan)
         (masked.std, np.nanstd),
         (masked.largest, np.nanmax),
         (masked.rms, lambda x, axis: np.sqrt(np.nanmean(x**2, axis=axis))),
-        (lambda x, m: masked.quantile(x, m, 0.3), lambda x, axis: np.nanquantile(x, 0.3, axis=axis)),
-        (lambda x, m: masked.quantile(x, m, 1.0), np.nanmax),
+        (lambda x, m: masked.quantile(x, m, level=0.3), lambda x, axis: np.nanquantile(x, 0.3, axis=axis)),
+        (lambda x, m: masked.quantile(x, m, level=1.0), np.nanmax),
     ],
 )
 def test_statistics_of_the_entries_that_count(ours, numpys):
@@ -29,7 +29,7 @@ def test_statistics_of_the_entries_that_count(ours, numpys):
 
 
 @pytest.mark.parametrize(
-    "statistic", [masked.mean, masked.std, masked.rms, masked.largest, lambda x, m: masked.quantile(x, m, 0.5)]
+    "statistic", [masked.mean, masked.std, masked.rms, masked.largest, lambda x, m: masked.quantile(x, m, level=0.5)]
 )
 def test_nothing_to_count_is_zero_with_derivative_zero(statistic):
     value, slope = jax.jit(jax.value_and_grad(statistic))(jnp.full(5, jnp.nan), jnp.zeros(5, bool))

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from urbanjax.numerics import nearest
 
-search = jax.jit(nearest.nearest, static_argnums=(2, 3))
+search = jax.jit(nearest.nearest, static_argnames=("k", "visits"))
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -18,7 +18,7 @@ def test_certified_neighbours_are_the_nearest(d, visits):
     points = np.concatenate([rng.normal(size=(1500, d)), 0.02 * rng.normal(size=(200, d)) + 3, rng.normal(size=(7, d))])
     points = rng.permutation(points.astype(np.float32))
     valid = np.arange(len(points)) < 1700
-    found = search(jnp.asarray(points.T), jnp.asarray(valid), 6, visits)
+    found = search(jnp.asarray(points.T), jnp.asarray(valid), k=6, visits=visits)
     order = np.asarray(found.order)
     assert np.array_equal(np.sort(order), np.arange(len(points)))
     assert np.all(order[:1700] < 1700)
@@ -40,7 +40,7 @@ def test_a_tree_of_four_levels_misses_few_neighbours():
     rng = np.random.default_rng(0)
     u, v = rng.uniform(-1, 1, (2, 5000))
     points = np.stack([40 * u, 30 * v, np.sin(9 * u) + 0.01 * rng.normal(size=5000)]).astype(np.float32)
-    found = search(jnp.asarray(points), jnp.ones(5000, bool), 10, 24)
+    found = search(jnp.asarray(points), jnp.ones(5000, bool), k=10, visits=24)
     tree = cKDTree(points.T[np.asarray(found.order)])
     expected, _ = tree.query(tree.data, 10)
     right = np.isclose(np.sqrt(np.asarray(found.squared)[-1]), expected[:, -1], rtol=1e-4)
@@ -50,23 +50,23 @@ def test_a_tree_of_four_levels_misses_few_neighbours():
 
 def test_fewer_points_than_asked_for():
     points = np.random.default_rng(0).normal(size=(3, 40)).astype(np.float32)
-    found = search(jnp.asarray(points), jnp.arange(40) < 3, 5, 4)
+    found = search(jnp.asarray(points), jnp.arange(40) < 3, k=5, visits=4)
     assert np.isinf(np.asarray(found.squared)[3:, :3]).all()
     assert np.isfinite(np.asarray(found.squared)[:3, :3]).all()
     assert np.array_equal(np.asarray(found.index)[3:], np.tile(np.arange(40), (2, 1)))
 
 
 def test_many_copies_of_one_point_are_apart_by_nothing():
-    found = search(jnp.ones((3, 300)), jnp.ones(300, bool), 4, 8)
+    found = search(jnp.ones((3, 300)), jnp.ones(300, bool), k=4, visits=8)
     assert float(found.squared.max()) < 1e-12
 
 
 def test_a_batch_of_clouds_equals_the_clouds_one_by_one():
     points = np.random.default_rng(0).normal(size=(2, 3, 300)).astype(np.float32)
     valid = np.arange(300) < np.array([[300], [20]])
-    together = jax.jit(jax.vmap(lambda p, v: nearest.nearest(p, v, 4, 8)))(points, valid)
+    together = jax.jit(jax.vmap(lambda p, v: nearest.nearest(p, v, k=4, visits=8)))(points, valid)
     for i in range(2):
-        alone = search(points[i], valid[i], 4, 8)
+        alone = search(points[i], valid[i], k=4, visits=8)
         held = valid[i].sum()
         np.testing.assert_array_equal(together.index[i][:, :held], alone.index[:, :held])
         np.testing.assert_array_equal(together.exact[i][:held], alone.exact[:held])

@@ -23,7 +23,7 @@ def test_equals_the_printed_system(x64):
         def to(state):
             return tuple(jnp.asarray(v) for v in state)
 
-        actual = np.array(polynomial.quintic(to(start), to(end), jnp.asarray(t)))
+        actual = np.array(polynomial.quintic(to(start), to(end), duration=jnp.asarray(t)))
         np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)
 
 
@@ -33,6 +33,6 @@ def test_meets_both_ends_with_two_derivatives(x64):
     def to(state):
         return tuple(jnp.asarray(v) for v in state)
 
-    coefficients = polynomial.quintic(to(start), to(end), jnp.asarray(t))
+    coefficients = polynomial.quintic(to(start), to(end), duration=jnp.asarray(t))
     np.testing.assert_allclose(polynomial.evaluate(coefficients, jnp.asarray(0.0)), start, atol=1e-12)
     np.testing.assert_allclose(polynomial.evaluate(coefficients, jnp.asarray(t)), end, atol=1e-10)

@@ -24,7 +24,7 @@ def test_tags_survive_and_order_is_that_of_the_values(dtype, x64):
     values = (rng.uniform(0, 1, 500) ** 8 * 1e4).astype(dtype)
     values[:3] = 0, np.inf, np.finfo(dtype).max
     tags = rng.integers(0, 128, 500).astype(np.int32)
-    keys = jax.jit(selection.tagged, static_argnums=2)(jnp.asarray(values), jnp.asarray(tags), 7)
+    keys = jax.jit(selection.tagged, static_argnames="bits")(jnp.asarray(values), jnp.asarray(tags), bits=7)
     found, back = (np.asarray(x) for x in jax.jit(selection.untagged, static_argnums=1)(keys, 7))
     np.testing.assert_array_equal(back, tags)
     assert keys.dtype == found.dtype == dtype

@@ -15,7 +15,7 @@ ONE, TWO = PredictionParams(branches=1), PredictionParams(branches=2)
 
 @jax.jit
 def look_ahead(graph, objects, params):
-    return predict(graph, objects, locate(graph, objects.position, objects.heading), params)
+    return predict(graph, objects, locate(graph, objects.position, heading=objects.heading), params)
 
 
 def objects(*rows) -> Objects:
@@ -33,7 +33,7 @@ def objects(*rows) -> Objects:
 
 
 def on_link(graph, link, station, offset=0.0, turned=0.0, speed=10.0):
-    at = sample(graph, jnp.array([link]), jnp.array([station]))
+    at = sample(graph, jnp.array([link]), station=jnp.array([station]))
     h = float(at.heading[0])
     x, y = np.asarray(at.position[0]) + offset * np.array([-np.sin(h), np.cos(h)])
     return x, y, h + turned, speed
@@ -59,7 +59,7 @@ def test_objects_keep_their_lane_and_offset_round_a_bend(bend):
     found = look_ahead(bend, seen, ONE)
     turned = np.abs(found.heading[0] - found.heading[0, 0])
     assert turned.max() > 0.9
-    at = locate(bend, found.position[0], found.heading[0])
+    at = locate(bend, found.position[0], heading=found.heading[0])
     assert np.all(at.valid)
     np.testing.assert_allclose(at.offset, 0.4, atol=0.02)
     np.testing.assert_allclose(at.heading_error, 0, atol=0.02)

@@ -84,7 +84,7 @@ def test_recorded_traffic_drives_on_the_lanes(data_dir, name):
     rows = np.arange(len(recording.ids))[:, None]
     valid = recording.valid[rows, at]
     position, heading = recording.position[rows, at][valid], recording.heading[rows, at][valid]
-    place = locate(found.graph, jnp.asarray(position, jnp.float32), jnp.asarray(heading, jnp.float32))
+    place = locate(found.graph, jnp.asarray(position, jnp.float32), heading=jnp.asarray(heading, jnp.float32))
     assert bool(np.all(np.asarray(place.valid)))
     assert np.percentile(np.abs(place.offset), 90) < 1.6
     assert np.percentile(np.abs(place.heading_error), 90) < 0.25
@@ -98,7 +98,7 @@ def test_a_planning_problem_of_lankershim_can_be_routed(data_dir):
     (problem,) = found.problems
     goal = problem.goals[0].regions[0]
     ends = np.array([problem.position, goal.centre], np.float32)
-    place = locate(found.graph, jnp.asarray(ends), jnp.asarray([problem.heading, goal.heading], jnp.float32))
+    place = locate(found.graph, jnp.asarray(ends), heading=jnp.asarray([problem.heading, goal.heading], jnp.float32))
     start, end = (int(link) for link in place.link)
     route = route_between(found.graph, start, goal=end)
     assert [found.ids[int(link)] for link in route.link[route.valid]] == [3630, 3650, 3614]

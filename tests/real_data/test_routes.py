@@ -72,7 +72,7 @@ def test_routes_between_random_links(data_dir, slim, folder, least, pairs):
         starts, goals = np.random.default_rng(0).choice(np.flatnonzero(graph.valid), (2, pairs))
         for params in (RouteParams(n_links=256), RouteParams(cost="time", n_links=256)):
             best = oracle(host(graph), goals, params)[np.arange(pairs), starts]
-            costs = to_go(graph, jnp.asarray(goals, jnp.int32), params)[np.arange(pairs), starts]
+            costs = to_go(graph, jnp.asarray(goals, jnp.int32), params=params)[np.arange(pairs), starts]
             np.testing.assert_allclose(costs, best, rtol=1e-5, err_msg=file.name)
             routes = host(plan_routes(graph, starts, goals, params))
             reached = routes.status == Status.OK

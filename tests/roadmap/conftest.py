@@ -65,7 +65,7 @@ def extend_along():
             area_names=("",), n_signals=0
         )
         route = route_between(alike, start, goal=goal, params=RouteParams(n_links=16))
-        return compiled(alike, route, CorridorParams(n_stations=256, n_stops=4))
+        return compiled(alike, route, params=CorridorParams(n_stations=256, n_stops=4))
 
     return along
 
@@ -74,7 +74,12 @@ def extend_along():
 def extend_district(district):
     """The corridor (5632 stations) along a route through the district."""
     compiled = jax.jit(corridor_along)
-    return lambda route: compiled(district, route, sized(district, route, CorridorParams()).replace(n_stations=5632))
+
+    def along(route):
+        sizes = sized(district, route, params=CorridorParams()).replace(n_stations=5632)
+        return compiled(district, route, params=sizes)
+
+    return along
 
 
 @pytest.fixture(scope="session")
@@ -85,13 +90,17 @@ def corridor_course(district, course_links, extend_district):
 
 @pytest.fixture(scope="session")
 def window_jit():
-    return jax.jit(window)
+    return jax.jit(lambda corridor, station, params: window(corridor, station, params=params))
 
 
 @pytest.fixture(scope="session")
 def progress_jit():
     """Progress of many poses."""
-    return jax.jit(jax.vmap(progress, (None, 0, 0)))
+
+    def one(corridor, position, heading):
+        return progress(corridor, position, heading=heading)
+
+    return jax.jit(jax.vmap(one, (None, 0, 0)))
 
 
 @pytest.fixture(scope="session")
@@ -101,7 +110,7 @@ def sample_jit():
 
 @pytest.fixture(scope="session")
 def to_world_jit():
-    return jax.jit(to_world)
+    return jax.jit(lambda corridor, station, offset: to_world(corridor, station, offset=offset))
 
 
 @pytest.fixture(scope="session")

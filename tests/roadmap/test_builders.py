@@ -237,7 +237,7 @@ def test_connect_meets_both_poses():
 
 
 def test_clothoid_turn_ends_at_its_angle():
-    line = trace(turn(np.pi / 2, 50.0, 20.0))
+    line = trace(turn(np.pi / 2, 50.0, transition=20.0))
     assert line.heading[-1] == pytest.approx(np.pi / 2)
     chords = np.linalg.norm(np.diff(line.position, axis=0), axis=-1).sum()
     assert chords == pytest.approx(line.length, rel=1e-5)

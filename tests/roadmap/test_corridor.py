@@ -228,7 +228,7 @@ def test_progress_is_continuous_and_its_gradient_is_exact(bend, to_world_jit, x6
 
     @jax.jit
     def values(position):
-        found = progress(table, position, jnp.asarray(0.5))
+        found = progress(table, position, heading=jnp.asarray(0.5))
         return jnp.stack([found.station, found.offset])
 
     start, _, _ = to_world_jit(table, jnp.asarray(62.3), jnp.asarray(2.5))
@@ -247,14 +247,14 @@ def test_finite_at_the_centre_of_curvature(bend, sample_jit, to_world_jit):
     middle = 100.0
     at = sample_jit(bend, jnp.asarray(middle))
     centre, _, _ = to_world_jit(bend, jnp.asarray(middle), 1 / at.curvature)
-    value, gradient = jax.jit(jax.value_and_grad(lambda p: progress(bend, p, at.heading).station))(centre)
+    value, gradient = jax.jit(jax.value_and_grad(lambda p: progress(bend, p, heading=at.heading).station))(centre)
     assert np.isfinite(value)
     assert np.all(np.isfinite(gradient))
 
 
 def test_sized_makes_room_for_the_route(district, course_links):
     route = route_between(district, 0, goal=course_links[-1])
-    params = sized(district, route, CorridorParams())
+    params = sized(district, route, params=CorridorParams())
     assert params.n_stations % 512 == 0
     assert params.n_stations > 5212 + 300
     assert params.n_stops >= 8
@@ -262,11 +262,12 @@ def test_sized_makes_room_for_the_route(district, course_links):
 
 def test_even_number_of_lanes_across_is_refused(road):
     with pytest.raises(RoadError, match="lanes must be odd"):
-        corridor_along(road, route_between(road, 2, goal=3, params=FEW), CorridorParams(lanes=4))
+        corridor_along(road, route_between(road, 2, goal=3, params=FEW), params=CorridorParams(lanes=4))
 
 
 def test_window_is_batchable(bend, window_jit):
-    parts = jax.vmap(window, (None, 0, None))(bend, jnp.array([60.0, 100.0]), WindowParams(n_stations=32))
+    params = WindowParams(n_stations=32)
+    parts = jax.vmap(lambda station: window(bend, station, params=params))(jnp.array([60.0, 100.0]))
     np.testing.assert_allclose(parts.station[:, 0], [10.0, 50.0])
 
 
@@ -274,7 +275,7 @@ def test_window_is_batchable(bend, window_jit):
 def test_extend_is_batchable(road, changing):
     route = route_between(road, 2, goal=3, params=FEW)
     params = CorridorParams(n_stations=256, n_stops=4)
-    both = jax.vmap(lambda blend: corridor_along(road, route, params.replace(blend_length=blend)))(
+    both = jax.vmap(lambda blend: corridor_along(road, route, params=params.replace(blend_length=blend)))(
         jnp.array([30.0, 20.0])
     )
     np.testing.assert_allclose(both.position[0], changing.position, atol=1e-4)

@@ -24,7 +24,9 @@ def test_costs_equal_dijkstra_on_random_graphs(random_graph, cost):
         graph = random_graph(seed, chains)
         blocked = np.random.default_rng(seed).choice(22, 3, replace=False)
         for closed in ((), blocked):
-            found = costs_to_go_jit(graph, goals, params, blocked=jnp.isin(jnp.arange(24), np.array(closed, int)))
+            found = costs_to_go_jit(
+                graph, goals, params=params, blocked=jnp.isin(jnp.arange(24), np.array(closed, int))
+            )
             np.testing.assert_allclose(found, oracle(graph, goals, params, blocked=closed), rtol=1e-5)
 
 
@@ -32,7 +34,7 @@ def test_lexicographic_costs_are_those_of_the_fewest_changes(random_graph):
     goals, pair = jnp.arange(22), RouteParams(change_length=1e5)
     for seed, chains in GRAPHS[:12]:
         graph = random_graph(seed, chains)
-        found = costs_to_go_jit(graph, goals, RouteParams(search="lexicographic"))
+        found = costs_to_go_jit(graph, goals, params=RouteParams(search="lexicographic"))
         both = oracle(graph, goals, pair)
         changes = np.floor(both / 1e5)
         least = np.where(np.isfinite(both), both - 1e5 * np.where(np.isfinite(both), changes, 0), np.inf)
@@ -41,16 +43,16 @@ def test_lexicographic_costs_are_those_of_the_fewest_changes(random_graph):
 
 def test_without_lane_changes_only_successors_lead_on(random_graph):
     graph, goals = random_graph(7), jnp.arange(22)
-    found = costs_to_go_jit(graph, goals, RouteParams(), changes=False)
+    found = costs_to_go_jit(graph, goals, params=RouteParams(), changes=False)
     np.testing.assert_allclose(found, oracle(graph, goals, RouteParams(), changes=False), rtol=1e-5)
 
 
 def test_more_goals_than_are_relaxed_at_once_on_the_district(district):
     goals = jnp.arange(GOALS + 44) % len(district.length)
-    found = costs_to_go_jit(district, goals, RouteParams())
+    found = costs_to_go_jit(district, goals, params=RouteParams())
     assert len(goals) > GOALS
     np.testing.assert_allclose(found, oracle(host(district), np.asarray(goals), RouteParams()), rtol=1e-5)
-    one = jax.jit(cost_to_go)(district, 33, RouteParams())
+    one = jax.jit(cost_to_go)(district, 33, params=RouteParams())
     np.testing.assert_allclose(one, found[33], rtol=1e-6)
 
 
@@ -76,7 +78,7 @@ def test_a_circle_without_any_branch(x64):
 def test_costs_obey_the_triangle_and_fall_along_the_way(district):
     params = RouteParams()
     goals = jnp.arange(len(district.length))
-    to = np.asarray(costs_to_go_jit(district, goals, params), float)
+    to = np.asarray(costs_to_go_jit(district, goals, params=params), float)
     graph = host(district)
     for i, j in zip(*np.nonzero(graph.has_successor), strict=True):
         then = graph.successor[i, j]
@@ -93,4 +95,4 @@ def test_padding_of_the_graph_changes_nothing(random_graph):
 
 
 def test_negative_penalty_does_not_run_for_ever(road):
-    assert np.all(np.isfinite(jax.jit(cost_to_go)(road, 5, RouteParams(change_length=-1.0))))
+    assert np.all(np.isfinite(jax.jit(cost_to_go)(road, 5, params=RouteParams(change_length=-1.0))))

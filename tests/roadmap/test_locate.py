@@ -16,7 +16,7 @@ N = 64
 
 
 def poses(graph, link, station, offset):
-    point = sample_jit(graph, jnp.asarray(link, jnp.int32), jnp.asarray(station, jnp.float32))
+    point = sample_jit(graph, jnp.asarray(link, jnp.int32), station=jnp.asarray(station, jnp.float32))
     normal = jnp.stack([-jnp.sin(point.heading), jnp.cos(point.heading)], -1)
     return point.position + jnp.asarray(offset, jnp.float32)[:, None] * normal, point.heading
 
@@ -31,7 +31,7 @@ def test_poses_on_lanes_are_found_with_station_and_offset(district):
     station = rng.uniform(0.02, 0.98, N) * np.asarray(district.length)[link]
     offset = rng.uniform(-1.5, 1.5, N)
     position, heading = poses(district, link, station, offset)
-    found = locate_jit(district, position, heading + 0.2)
+    found = locate_jit(district, position, heading=heading + 0.2)
     np.testing.assert_array_equal(found.link, link)
     np.testing.assert_allclose(found.station, station, atol=2e-3)
     np.testing.assert_allclose(found.offset, offset, atol=2e-3)
@@ -45,8 +45,10 @@ def test_few_candidates_find_what_all_find(district):
     corners = np.asarray(district.centre)[rng.integers(0, len(district.length), N), rng.integers(0, 32, N)]
     position = jnp.asarray(corners + rng.normal(0, 2.0, (N, 2)), jnp.float32)
     heading = jnp.asarray(rng.uniform(-np.pi, np.pi, N), jnp.float32)
-    few = locate_jit(district, position, heading)
-    every = locate_jit(district, position, heading, None, LocateParams(candidates=len(district.length)))
+    few = locate_jit(district, position, heading=heading)
+    every = locate_jit(
+        district, position, heading=heading, previous=None, params=LocateParams(candidates=len(district.length))
+    )
     np.testing.assert_array_equal(few.link, every.link)
 
 
@@ -54,28 +56,30 @@ def test_without_continuity_the_least_misfit_is_what_is_located(district):
     rng = np.random.default_rng(2)
     position = jnp.asarray(np.asarray(district.centre)[rng.integers(0, len(district.length), N), 7] + 1.0)
     heading = jnp.asarray(rng.uniform(-np.pi, np.pi, N), jnp.float32)
-    fit = jax.jit(misfit)(district, position, heading, LocateParams())
-    every = locate_jit(district, position, heading, None, LocateParams(candidates=len(district.length)))
+    fit = jax.jit(misfit)(district, position, heading=heading, params=LocateParams())
+    every = locate_jit(
+        district, position, heading=heading, previous=None, params=LocateParams(candidates=len(district.length))
+    )
     np.testing.assert_allclose(fit[jnp.arange(N), every.link], fit.min(1), atol=1e-4)
 
 
 def test_heading_tells_the_two_directions_of_a_road_apart(graphs):
     graph = graphs["coinciding"]
     position = jnp.array([[50.0, 3.5], [50.0, 3.5]])
-    found = locate_jit(graph, position, jnp.array([0.1, np.pi - 0.1]))
+    found = locate_jit(graph, position, heading=jnp.array([0.1, np.pi - 0.1]))
     assert found.link.tolist() == [0, 2]
     np.testing.assert_allclose(found.heading_error, [0.1, -0.1], atol=1e-5)
 
 
 def test_wrong_way_driver_is_still_on_the_only_lane(road):
-    found = locate_jit(road, jnp.array([[50.0, 0.0]]), jnp.array([3.0]))
+    found = locate_jit(road, jnp.array([[50.0, 0.0]]), heading=jnp.array([3.0]))
     assert int(found.link[0]) == 2
     assert bool(found.valid[0])
     assert float(found.heading_error[0]) == pytest.approx(3.0)
 
 
 def test_poses_off_the_road_are_invalid(road):
-    found = locate_jit(road, jnp.array([[50.0, -30.0], [-40.0, 0.0]]), jnp.zeros(2))
+    found = locate_jit(road, jnp.array([[50.0, -30.0], [-40.0, 0.0]]), heading=jnp.zeros(2))
     assert not np.any(found.valid)
     assert np.all(np.isfinite(found.station))
 
@@ -86,7 +90,7 @@ def test_crossing_traffic_does_not_steal_a_vehicle(crossing):
     located, seen = None, []
     for x in np.arange(-25.0, 25.0, 0.5):
         position = jnp.array([[x, -1.75]], jnp.float32)
-        located = locate_jit(crossing, position, jnp.zeros(1), located)
+        located = locate_jit(crossing, position, heading=jnp.zeros(1), previous=located)
         seen.append(int(located.link[0]))
     assert list(dict.fromkeys(seen)) == path
 
@@ -95,7 +99,7 @@ def test_hysteresis_keeps_the_lane_until_the_other_is_clearly_nearer(road):
     def drive(offsets):
         located, seen = None, []
         for y in offsets:
-            located = locate_jit(road, jnp.array([[50.0, y]], jnp.float32), jnp.zeros(1), located)
+            located = locate_jit(road, jnp.array([[50.0, y]], jnp.float32), heading=jnp.zeros(1), previous=located)
             seen.append(int(located.link[0]))
         return seen
 
@@ -108,12 +112,12 @@ def test_hysteresis_keeps_the_lane_until_the_other_is_clearly_nearer(road):
 def test_station_and_offset_have_exact_gradients(district, course_links, x64):
     graph = jax.tree.map(lambda x: jnp.asarray(x, float) if jnp.issubdtype(x.dtype, jnp.floating) else x, district)
     bend = next(i for i in course_links if district.area_names[int(district.area[i])] == "curve F")
-    point = sample_jit(graph, jnp.asarray(bend), jnp.asarray(20.3))
+    point = sample_jit(graph, jnp.asarray(bend), station=jnp.asarray(20.3))
     position = point.position + 1.2 * jnp.stack([-jnp.sin(point.heading), jnp.cos(point.heading)])
 
     @jax.jit
     def values(p):
-        found = locate(graph, p[None], point.heading[None])
+        found = locate(graph, p[None], heading=point.heading[None])
         return jnp.stack([found.station[0], found.offset[0], found.heading_error[0]])
 
     jacobian = jax.jit(jax.jacobian(values))(position)
@@ -126,6 +130,6 @@ def test_station_and_offset_have_exact_gradients(district, course_links, x64):
 def test_padding_links_are_never_found(road):
     more = pad(road, size=GraphSize(n_links=9))
     position = jnp.array([[20.0, 7.0], [120.0, 0.1]])
-    a, b = (locate_jit(graph, position, jnp.zeros(2)) for graph in (road, more))
+    a, b = (locate_jit(graph, position, heading=jnp.zeros(2)) for graph in (road, more))
     for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
         np.testing.assert_array_equal(x, y)

@@ -125,7 +125,7 @@ def test_impossible_routes_name_their_links(road, start_and_way, message):
 def test_negative_penalty_is_refused_and_harmless_inside_jit(road):
     with pytest.raises(RouteError, match="penalties are"):
         route_between(road, 0, goal=5, params=RouteParams(change_length=-1.0, n_links=8))
-    assert np.all(np.isfinite(cost_to_go_jit(road, 5, RouteParams(change_length=-1.0))))
+    assert np.all(np.isfinite(cost_to_go_jit(road, 5, params=RouteParams(change_length=-1.0))))
 
 
 def test_too_long_route_says_so(district, course_links):

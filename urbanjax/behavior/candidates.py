@@ -38,10 +38,12 @@ def connect(
     # The path is planned anew at each step, so only its first metres are driven: the bend of the cubic that joins the
     # lane makes them a damped return (ratio 0.8), where a bend of zero would make them drift past the lane.
     bend = -(6 * away / length + 4 * slope) / length
-    blend = polynomial.quintic((away, slope, bend), (zero, zero, zero), length)
+    blend = polynomial.quintic((away, slope, bend), (zero, zero, zero), duration=length)
     deviation, first, second = polynomial.evaluate(blend, jnp.clip(station - station[0], 0, length))
     offset = lane + deviation
-    heading, curvature = frenet.offset_curve(road.heading, road.curvature, offset, lane_slope + first, second)
+    heading, curvature = frenet.offset_curve(
+        road.heading, road.curvature, offset=offset, slope=lane_slope + first, bend=second
+    )
     position = frenet.to_world(frenet.Reference(road.position, road.heading, road.curvature), offset)
     return Path(station=station, offset=offset, position=position, heading=heading, curvature=curvature)
 
@@ -66,7 +68,7 @@ def room_along(
         position=path.position, heading=path.heading, time=time, step=step, step_time=jnp.diff(time, prepend=time[:1])
     )
     room = gaps(passage, driving, prediction=prediction, ignored=follower)
-    nearest = soft.minimum(room, relaxation, params.gap_scale)
+    nearest = soft.minimum(room, relaxation, scale=params.gap_scale)
     # Clearance beyond the horizon counts less and less within its last second, so that no object enters with a jump.
     counts = jnp.clip(horizon - time, 0.0, 1.0)
     return soft.minimum(nearest + (1 - counts) * params.far, relaxation, scale=params.gap_scale)

@@ -39,7 +39,8 @@ def relate(objects: Objects, window: Corridor) -> Surroundings:
 
     Args: objects [O]; window, the lanes around the vehicle.
     """
-    seen = jax.vmap(lambda position, heading: progress(window, position, heading))(objects.position, objects.heading)
+    place = jax.vmap(lambda position, heading: progress(window, position, heading=heading))
+    seen = place(objects.position, objects.heading)
     cos, sin = jnp.cos(seen.heading_error), jnp.sin(seen.heading_error)
     half_length, half_width = objects.length / 2, objects.width / 2
     # Smooth absolute values: a box that turns through the road's direction must not kink the gradient.

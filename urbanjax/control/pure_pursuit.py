@@ -25,7 +25,7 @@ def look_ahead(path: Path, distance: Float[Array, ""]) -> Float[Array, "2"]:
     Args: path; distance [] m, from its start.
     """
     chords = safe.norm(jnp.diff(path.position, axis=0))
-    return polyline.interpolate(lean.running_sum(chords), path.position, distance)
+    return polyline.interpolate(lean.running_sum(chords), path.position, query=distance)
 
 
 def steer(path: Path, driving: Driving, *, state: VehicleState) -> Float[Array, ""]:

@@ -62,7 +62,7 @@ def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Met
 
 
 def _largest(values: Array, relaxation: Relaxation, scale: float = 1.0) -> Array:
-    return -soft.minimum(-values, relaxation, scale)
+    return -soft.minimum(-values, relaxation, scale=scale)
 
 
 def progress(log: Log) -> Float[Array, " t"]:

@@ -102,7 +102,9 @@ def relaxed_box_gap(a: Box, b: Box, *, relaxation: Relaxation, scale: float | Ar
     if relaxation.mode == "hard":
         return box_gap(a, b)
     temperature = relaxation.temperature * scale
-    return soft.combine(lambda: box_gap(a, b), lambda: soft_box_gap(a, b, temperature=temperature), relaxation)
+    return soft.combine(
+        lambda: box_gap(a, b), lambda: soft_box_gap(a, b, temperature=temperature), relaxation=relaxation
+    )
 
 
 def overlap(a: Box, b: Box) -> Bool[Array, "..."]:

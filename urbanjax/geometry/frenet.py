@@ -83,7 +83,7 @@ def tabulated(
 
 
 def cell(
-    start: float | Float[Array, ""], spacing: float | Float[Array, "..."], n: int, station: Float[Array, "*q"]
+    start: float | Float[Array, ""], spacing: float | Float[Array, "..."], *, n: int, station: Float[Array, "*q"]
 ) -> tuple[Int[Array, "*q"], Float[Array, "*q"], Float[Array, "*q"]]:
     """Interval of the grid at each station (0 to n - 2), fraction within it (0 to 1), and metres beyond an end, signed.
 
@@ -97,14 +97,14 @@ def cell(
 
 def locate(line: Line, station: Float[Array, "*q"]) -> Place:
     """Where stations [m] lie on a line."""
-    index, fraction, beyond = cell(line.start, line.spacing, line.rows.shape[0], station)
+    index, fraction, beyond = cell(line.start, line.spacing, n=line.rows.shape[0], station=station)
     return Place(lean.rows(line.rows, index), lean.rows(line.rows, index + 1), fraction, beyond, line.spacing)
 
 
 def read(place: Place) -> Reading:
     """The line at places: the cubic Hermite curve of positions and headings, all else linear; straight on beyond."""
     f = place.fraction
-    mixed = linear(place.before, place.after, f)
+    mixed = linear(place.before, place.after, fraction=f)
     heading = mixed[..., 2]
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     (x0, y0, angle0), (x1, y1, angle1) = (jnp.unstack(row[..., :3], axis=-1) for row in (place.before, place.after))
@@ -125,7 +125,7 @@ def read(place: Place) -> Reading:
 
 
 def linear(
-    before: Float[Array, "*q c"], after: Float[Array, "*q c"], fraction: Float[Array, "*q"]
+    before: Float[Array, "*q c"], after: Float[Array, "*q c"], *, fraction: Float[Array, "*q"]
 ) -> Float[Array, "*q c"]:
     """Rows between two others."""
     weight = fraction[..., None]
@@ -135,6 +135,7 @@ def linear(
 def sample(
     position: Float[Array, "n 2"],
     heading: Float[Array, "n"],
+    *,
     curvature: Float[Array, "n"],
     start: float | Float[Array, ""],
     spacing: float,
@@ -150,7 +151,7 @@ def sample(
     return Reference(at.position, at.heading, fade * at.others[..., 0])
 
 
-def scale(curvature: Array, offset: Array, least: float) -> Array:
+def scale(curvature: Array, offset: Array, *, least: float) -> Array:
     """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than `least`."""
     return jnp.maximum(1 - curvature * offset, least)
 
@@ -165,6 +166,7 @@ def to_world(reference: Reference, offset: Float[Array, "*q"]) -> Float[Array, "
 def offset_curve(
     heading: Float[Array, "*q"],
     curvature: Float[Array, "*q"],
+    *,
     offset: Float[Array, "*q"],
     slope: Float[Array, "*q"],
     bend: Float[Array, "*q"],
@@ -181,7 +183,7 @@ def offset_curve(
     Args: heading [rad] and curvature [1/m] of the reference; offset d [m]; slope d' [-]; bend d'' [1/m];
     curvature_slope kappa_r' [1/m^2], 0 if not given.
     """
-    size = scale(curvature, offset, min_scale)
+    size = scale(curvature, offset, least=min_scale)
     twist = curvature * slope if curvature_slope is None else curvature * slope + curvature_slope * offset
     length = safe.sqrt(size * size + slope * slope)  # of the offset curve per metre of reference
     cos, tan = size / length, slope / size
@@ -190,7 +192,7 @@ def offset_curve(
 
 
 def offset_length(
-    curvature: Float[Array, "*q"], offset: Float[Array, "*q"], slope: Float[Array, "*q"]
+    curvature: Float[Array, "*q"], offset: Float[Array, "*q"], *, slope: Float[Array, "*q"]
 ) -> Float[Array, "*q"]:
     """Metres of the offset curve per metre of reference line, sqrt((1 - kappa d)^2 + d'^2)."""
     size = 1 - curvature * offset

@@ -98,7 +98,7 @@ def curvatures(points: Float[Array, "p 2"], mask: Bool[Array, "p"] | None = None
 
 
 def interpolate(
-    grid: Float[Array, "n"], values: Float[Array, "n *c"], query: Float[Array, "*q"]
+    grid: Float[Array, "n"], values: Float[Array, "n *c"], *, query: Float[Array, "*q"]
 ) -> Float[Array, "..."]:
     """Values [*q, *c] at the queries, linear between the grid's entries and constant beyond its ends.
 
@@ -112,10 +112,10 @@ def interpolate(
     return lean.rows(values, index) * (1 - fraction) + lean.rows(values, index + 1) * fraction
 
 
-def resample(points: Float[Array, "p 2"], n: int, mask: Bool[Array, "p"] | None = None) -> Float[Array, "{n} 2"]:
+def resample(points: Float[Array, "p 2"], n: int, *, mask: Bool[Array, "p"] | None = None) -> Float[Array, "{n} 2"]:
     """The polyline's points [n, 2] at n equal steps of arc length, its two ends included."""
     station = arc_length(points, mask)
-    return interpolate(station, points, station[-1] * jnp.linspace(0, 1, n, dtype=points.dtype))
+    return interpolate(station, points, query=station[-1] * jnp.linspace(0, 1, n, dtype=points.dtype))
 
 
 def _nearest(points: Array, query: Array, counts: Array) -> Array:
@@ -130,6 +130,7 @@ def _nearest(points: Array, query: Array, counts: Array) -> Array:
 def project(
     points: Float[Array, "p 2"],
     query: Float[Array, "2"],
+    *,
     mask: Bool[Array, "p"] | None = None,
     station: Float[Array, "p"] | None = None,
     heading: Float[Array, "p"] | None = None,

@@ -64,7 +64,7 @@ def _solve(station: Array, value: Array, ends: Array | None) -> Array:
 
 
 def fit(
-    station: Float[Array, "k"], value: Float[Array, "k c"], end_slopes: Float[Array, "2 c"] | None = None
+    station: Float[Array, "k"], value: Float[Array, "k c"], *, end_slopes: Float[Array, "2 c"] | None = None
 ) -> Spline:
     """The spline through the knots, clamped to the two end slopes, or natural (no bend at the ends) without them.
 
@@ -75,7 +75,7 @@ def fit(
 
 
 def fit_path(
-    points: Float[Array, "k 2"], end_headings: Float[Array, "2"] | None = None, natural: bool = False
+    points: Float[Array, "k 2"], end_headings: Float[Array, "2"] | None = None, *, natural: bool = False
 ) -> Spline:
     """The spline through a path's points over its chord length (Eq. 19-21), clamped to the end tangents.
 
@@ -87,7 +87,7 @@ def fit_path(
     if end_headings is None:
         vertex = polyline.headings(points)
         end_headings = jnp.stack([vertex[0], vertex[-1]])
-    return fit(station, points, jnp.stack([jnp.cos(end_headings), jnp.sin(end_headings)], axis=-1))
+    return fit(station, points, end_slopes=jnp.stack([jnp.cos(end_headings), jnp.sin(end_headings)], axis=-1))
 
 
 def evaluate(spline: Spline, query: Float[Array, "*q"]) -> tuple[Array, Array, Array]:

@@ -226,7 +226,7 @@ def off_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, *, seen: Array | N
     if graph is None:
         return jnp.zeros((), T_map_body.translation().dtype)
     flat = motion.planar(T_map_body)
-    lane = locate(graph, flat.translation()[None], flat.rotation().as_radians()[None])
+    lane = locate(graph, flat.translation()[None], heading=flat.rotation().as_radians()[None])
     offset = lane.offset[0]
     return offset - (jnp.zeros_like(offset) if seen is None else seen)
 
@@ -237,7 +237,7 @@ def _keep_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, aside: Array, ke
         return T_map_body
     flat = motion.planar(T_map_body)
     heading = flat.rotation().as_radians()
-    lane = locate(graph, flat.translation()[None], heading[None])
+    lane = locate(graph, flat.translation()[None], heading=heading[None])
     along = heading - lane.heading_error[0]
     left = jnp.stack([-jnp.sin(along), jnp.cos(along), jnp.zeros_like(along)])
     translation = T_map_body.translation() + jnp.where(keeps & lane.valid[0], -aside, 0.0) * left

@@ -19,7 +19,7 @@ NEARER = 128  # groups nearer than what was found that are looked at
 BLOCK = 256  # queries that go down alone at once
 
 
-def nearest_among(own: Tree, other: Tree, k: int) -> tuple[Int[Array, "k n"], Array]:
+def nearest_among(own: Tree, other: Tree, *, k: int) -> tuple[Int[Array, "k n"], Array]:
     """The k points [k, n] of `other` nearest to each point of `own`, nearest first, and how many were searched alone.
 
     Indices and columns count the points as they were given to `tree.build`; an index is `other`'s number of points
@@ -27,7 +27,7 @@ def nearest_among(own: Tree, other: Tree, k: int) -> tuple[Int[Array, "k n"], Ar
     1e-5 of them either may come first. Not differentiable. Args: own and other, trees of equal depth.
     """
     n, m = own.order.shape[0], other.order.shape[0]
-    index, squared, exact = groups.by_groups(own, other, k, max(VISITS, -(-k // trees.FAN)))
+    index, squared, exact = groups.by_groups(own, other, k=k, visits=max(VISITS, -(-k // trees.FAN)))
     exact = exact | (jnp.arange(exact.shape[0]) >= own.count)
     points = jnp.swapaxes(own.leaves, 1, 2).reshape(-1, own.leaves.shape[1])
     index, squared, alone = _each(points, exact, other, k, index, squared)
@@ -66,8 +66,8 @@ def _alone(queries: Float[Array, "b d"], other: Tree, k: int) -> tuple[Array, Ar
     near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (queries.shape[0], top))
     beyond = jnp.full(queries.shape[0], jnp.inf, queries.dtype)
     for boxes in other.levels[::-1]:
-        near, beyond = groups.narrowed(box, boxes, near, beyond, max(ALONE, k))
-    index, squared = groups.nearest_of(queries[:, :, None], other.leaves, near, k)
+        near, beyond = groups.narrowed(box, boxes, near=near, beyond=beyond, width=max(ALONE, k))
+    index, squared = groups.nearest_of(queries[:, :, None], other.leaves, near=near, k=k)
     return index, squared, squared[-1] <= beyond
 
 

@@ -8,7 +8,7 @@ WORD = 31  # bits of a sort key
 CODE = 30  # bits of a code, at most
 
 
-def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], passes: int = 2) -> Int[Array, " n"]:
+def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, passes: int = 2) -> Int[Array, " n"]:
     """The indices [N] of points along the curve over their bounding cube; those of invalid points come last.
 
     Sorts of one word each, by parts of the code from the lowest upwards, with the index in the rest of the word:

@@ -36,7 +36,9 @@ def largest(x: Float[Array, "*b n"], mask: Bool[Array, "*b n"]) -> Float[Array, 
     return jnp.where(jnp.any(mask, axis=-1), value, 0)
 
 
-def quantile(x: Float[Array, "*b n"], mask: Bool[Array, "*b n"], level: float | Float[Array, ""]) -> Float[Array, "*b"]:
+def quantile(
+    x: Float[Array, "*b n"], mask: Bool[Array, "*b n"], *, level: float | Float[Array, ""]
+) -> Float[Array, "*b"]:
     """Quantile at a level in [0, 1], linear between order statistics (as `numpy.quantile` by default)."""
     last = jnp.maximum(jnp.sum(mask, axis=-1, keepdims=True) - 1, 0)
     ordered = jnp.sort(jnp.where(mask, x, jnp.inf), axis=-1)

@@ -27,20 +27,20 @@ class Neighbours:
     exact: Array  # [N] bool: no point that was not looked at can be nearer
 
 
-def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], k: int, visits: int = 24) -> Neighbours:
+def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, k: int, visits: int = 24) -> Neighbours:
     """The k nearest valid points of each point. Not differentiable.
 
     Where `exact` is false the neighbours are near ones, but perhaps not the nearest; more visits mend it. Args: visits,
     groups of four points that each group looks at; more than some dozens take long to compile.
     """
     n = points.shape[1]
-    tree = trees.build(points, valid, trees.depth(n))
-    index, squared, exact = (x[..., :n] for x in by_groups(tree, tree, k, visits, same=True))
+    tree = trees.build(points, valid, levels=trees.depth(n))
+    index, squared, exact = (x[..., :n] for x in by_groups(tree, tree, k=k, visits=visits, same=True))
     index = jnp.where(jnp.isfinite(squared), index, jnp.arange(n, dtype=jnp.int32)[None])
     return Neighbours(order=tree.order, index=index, squared=squared, exact=exact)
 
 
-def by_groups(own: Tree, other: Tree, k: int, visits: int, same: bool = False) -> tuple[Array, Array, Array]:
+def by_groups(own: Tree, other: Tree, *, k: int, visits: int, same: bool = False) -> tuple[Array, Array, Array]:
     """Places in `other` [k, M], squared distances [k, M] and certificates [M] for the M points of `own`.
 
     Squared distances are inf where there are fewer than k points. Args: own, a tree with as many levels as `other`;
@@ -53,9 +53,11 @@ def by_groups(own: Tree, other: Tree, k: int, visits: int, same: bool = False) -
     def search(step: Array, found: tuple[Array, Array, Array]) -> tuple[Array, ...]:
         first = jnp.minimum(step * share, parents - share)
         mine, looks, limit = (lax.dynamic_slice_in_dim(x, first, share) for x in (boxes, near, beyond))
-        groups, limit = narrowed(mine, other.levels[0], looks, limit, visits, first if same else None)
+        groups, limit = narrowed(
+            mine, other.levels[0], near=looks, beyond=limit, width=visits, first=first if same else None
+        )
         points = lax.dynamic_slice_in_dim(own.leaves, first * FAN, share * FAN)
-        index, squared = nearest_of(points, other.leaves, groups, k)
+        index, squared = nearest_of(points, other.leaves, near=groups, k=k)
         place, exact = first * FAN**2, (squared[-1].reshape(-1, FAN) <= limit[:, None]).reshape(-1)
         return tuple(
             lax.dynamic_update_slice_in_dim(all_, some, place, axis=-1)
@@ -79,13 +81,16 @@ def _parents(own: Tree, other: Tree, visits: int, same: bool) -> tuple[Array, In
     near = jnp.broadcast_to(jnp.arange(top, dtype=jnp.int32), (all_, top))
     beyond = jnp.full(all_, jnp.inf, own.leaves.dtype)
     for mine, boxes in zip(own.levels[:0:-1], other.levels[:0:-1], strict=True):
-        near, beyond = narrowed(mine, boxes, near, beyond, max(visits, WIDE), 0 if same else None)
+        near, beyond = narrowed(
+            mine, boxes, near=near, beyond=beyond, width=max(visits, WIDE), first=0 if same else None
+        )
     return own.levels[0], near, beyond
 
 
 def narrowed(
     own: Float[Array, "p b f"],
     boxes: Float[Array, "q b c"],
+    *,
     near: Int[Array, "p v"],
     beyond: Float[Array, " p"],
     width: int,
@@ -113,7 +118,7 @@ def narrowed(
 
 
 def nearest_of(
-    own: Float[Array, "g d f"], leaves: Float[Array, "h d c"], near: Int[Array, "g v"], k: int
+    own: Float[Array, "g d f"], leaves: Float[Array, "h d c"], *, near: Int[Array, "g v"], k: int
 ) -> tuple[Int[Array, "k n"], Float[Array, "k n"]]:
     """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at."""
     found, pick = _closest(between(own, at(leaves, near)), k)
@@ -145,7 +150,7 @@ def between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Floa
 def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[Array]]:
     """The k smallest distances, and which of the C they are; k arrays each."""
     bits = max((squared.shape[-1] - 1).bit_length(), 1)
-    keys = smallest(tagged(squared, lax.broadcasted_iota(jnp.int32, squared.shape, 2), bits), k)
+    keys = smallest(tagged(squared, lax.broadcasted_iota(jnp.int32, squared.shape, 2), bits=bits), k)
     pairs = [untagged(key, bits) for key in keys]
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 

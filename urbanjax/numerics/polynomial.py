@@ -5,7 +5,7 @@ from jax import Array
 
 
 def quintic(
-    start: tuple[Array, Array, Array], end: tuple[Array, Array, Array], duration: Array
+    start: tuple[Array, Array, Array], end: tuple[Array, Array, Array], *, duration: Array
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Coefficients a0..a5 of the quintic that meets both states (Eq. 17-18 with t_s = 0, solved by hand).
 

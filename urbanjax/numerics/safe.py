@@ -25,7 +25,7 @@ def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
     return sqrt(jnp.sum(x * x, axis=-1))
 
 
-def divide(numerator: Array, denominator: Array, otherwise: float = 0.0) -> Array:
+def divide(numerator: Array, denominator: Array, *, otherwise: float = 0.0) -> Array:
     """Numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
     usual = denominator != 0
     quotient = numerator / lean.where(usual, denominator, 1.0)

@@ -28,7 +28,7 @@ def smallest(keys: Float[Array, "*n c"], k: int) -> list[Float[Array, "*n"]]:
     return list(lax.reduce(tuple(lists), (none,) * k, merge, (keys.ndim - 1,)))
 
 
-def tagged(values: Float[Array, "*n"], tags: Int[Array, "*n"], bits: int) -> Float[Array, "*n"]:
+def tagged(values: Float[Array, "*n"], tags: Int[Array, "*n"], *, bits: int) -> Float[Array, "*n"]:
     """Keys that sort as the values do and carry a tag in the last `bits` bits of the mantissa.
 
     Args: values, not negative; they are rounded down to what the bits leave, and inf counts as the largest number.

@@ -34,7 +34,7 @@ class Relaxation:
     mode: str = static(default="hard", metadata={"choices": MODES})
 
 
-def combine(hard: Callable[[], Array], soft: Callable[[], Array], relaxation: Relaxation) -> Array:
+def combine(hard: Callable[[], Array], soft: Callable[[], Array], *, relaxation: Relaxation) -> Array:
     """What the mode makes of a decision and its smooth twin, of equal shapes; `hard` passes no gradient.
 
     Both are functions without arguments, so that a mode computes only what it needs.
@@ -56,6 +56,7 @@ def _masked(values: Array, mask: Array | None, fill: float) -> Array:
 def choose(
     cost: Float[Array, "*b n"],
     relaxation: Relaxation,
+    *,
     scale: float | Float[Array, ""] = 1.0,
     mask: Bool[Array, "*b n"] | None = None,
 ) -> Float[Array, "*b n"]:
@@ -73,7 +74,7 @@ def choose(
         # Masked after the division, which would overflow and leave no finite derivative by the temperature.
         return jax.nn.softmax(_masked(-cost / (relaxation.temperature * scale), mask, -big), axis=-1)
 
-    return combine(first, smooth, relaxation)
+    return combine(first, smooth, relaxation=relaxation)
 
 
 def above(
@@ -83,13 +84,14 @@ def above(
     return combine(
         lambda: (x > threshold).astype(x.dtype),
         lambda: jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)),
-        relaxation,
+        relaxation=relaxation,
     )
 
 
 def minimum(
     values: Float[Array, "*b n"],
     relaxation: Relaxation,
+    *,
     scale: float | Array = 1.0,
     mask: Bool[Array, "*b n"] | None = None,
     fill: float = 1e6,
@@ -107,7 +109,7 @@ def minimum(
         least = jax.lax.stop_gradient(jnp.min(masked, axis=-1))
         return least - t * jnp.log(jnp.sum(jnp.exp((least[..., None] - masked) / t), axis=-1))
 
-    return combine(lambda: safe.minimum(masked), smooth, relaxation)
+    return combine(lambda: safe.minimum(masked), smooth, relaxation=relaxation)
 
 
 def mixed(weights: Float[Array, "n"], values: T) -> T:

@@ -32,10 +32,10 @@ def depth(points: int) -> int:
     return levels
 
 
-def build(points: Float[Array, "d n"], valid: Bool[Array, " n"], levels: int, passes: int = 2) -> Tree:
+def build(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, levels: int, passes: int = 2) -> Tree:
     """The tree of the valid points. Args: levels of boxes, at least 1; passes of sorting (see `hilbert.order`)."""
     d, n = points.shape
-    order = hilbert.order(points, valid, passes)
+    order = hilbert.order(points, valid, passes=passes)
     size = FAN**levels
     groups = -(-n // (size * FAN)) * size
     flat = jnp.pad(jnp.where(valid[None], points, jnp.inf), ((0, 0), (0, 1)), constant_values=jnp.inf).reshape(-1)

@@ -35,8 +35,8 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
     lanes = window.has_lane.shape[-1]
     flags = jnp.concatenate([window.has_lane, window.oncoming, window.change], axis=-1).astype(station.dtype)
     start, within = window.station[0], jnp.minimum(station, window.length)
-    index, fraction, _ = frenet.cell(start, window.spacing, flags.shape[0], within)
-    degrees = frenet.linear(lean.rows(flags, index), lean.rows(flags, index + 1), fraction)
+    index, fraction, _ = frenet.cell(start, window.spacing, n=flags.shape[0], station=within)
+    degrees = frenet.linear(lean.rows(flags, index), lean.rows(flags, index + 1), fraction=fraction)
     # A line bars every lane beyond it, seen from the route's.
     line, lane = np.arange(lanes - 1)[:, None] + 0.5, np.arange(lanes)[None, :]
     beyond = ((lane < line) & (line < lanes // 2)) | ((lane > line) & (line > lanes // 2))

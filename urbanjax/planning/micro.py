@@ -108,7 +108,7 @@ def select(fan: Fan, driving: Driving, *, prediction: Prediction, previous: Prev
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
     broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
     cost = jnp.sum(terms, axis=1) + params.infeasible * jnp.sum(broken, axis=1)
-    weights = soft.choose(cost, relaxation, params.choice_scale)
+    weights = soft.choose(cost, relaxation, scale=params.choice_scale)
     chosen, nearest = jnp.argmax(weights), margins[:, REASONS.index("collision")]
     others = jnp.where(jnp.arange(cost.shape[0]) == chosen, jnp.inf, cost)
     each = (
@@ -155,7 +155,7 @@ def clearance(fan: Fan, driving: Driving, *, prediction: Prediction) -> Float[Ar
     time = fan.time.reshape(-1)
     passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time)
     room = gaps(passage, driving.of(params), prediction=prediction, ignored=fan.follower)
-    return soft.minimum(room, driving.relaxation, params.gap_scale).reshape(fan.time.shape)
+    return soft.minimum(room, driving.relaxation, scale=params.gap_scale).reshape(fan.time.shape)
 
 
 def weighted_terms(

@@ -127,6 +127,6 @@ def _along(
     reached = jnp.sum(station[..., None] >= chain.start[:, None, 1:], axis=-1)
     link = jnp.take_along_axis(chain.link, reached, axis=1)
     local = station - jnp.take_along_axis(chain.start, reached, axis=1)
-    at = links.sample(graph, link, local)
+    at = links.sample(graph, link, station=local)
     left = jnp.stack([-jnp.sin(at.heading), jnp.cos(at.heading)], axis=-1)
     return at.position + offset[..., None] * left, at.heading

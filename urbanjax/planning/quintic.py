@@ -112,8 +112,8 @@ def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: C
     x = at_end.position[:, 0] - end.offset * jnp.sin(at_end.heading) - state.position[0]
     y = at_end.position[:, 1] + end.offset * jnp.cos(at_end.heading) - state.position[1]
     t, zero = end.duration, jnp.zeros_like(x)
-    cx = polynomial.quintic((zero, vx * t, ax * t * t), (x, wx * t, bx * t * t), jnp.ones_like(t))
-    cy = polynomial.quintic((zero, vy * t, ay * t * t), (y, wy * t, by * t * t), jnp.ones_like(t))
+    cx = polynomial.quintic((zero, vx * t, ax * t * t), (x, wx * t, bx * t * t), duration=jnp.ones_like(t))
+    cy = polynomial.quintic((zero, vy * t, ay * t * t), (y, wy * t, by * t * t), duration=jnp.ones_like(t))
     return jnp.stack([jnp.stack(cx, axis=1), jnp.stack(cy, axis=1)], axis=-1)
 
 
@@ -141,7 +141,7 @@ def stationwise(
     slope, bend = shape.from_plane(road.curvature[0], progress.offset, tangent, curvature)
     ones, size = jnp.ones_like(end.offset), end.length
     start = (progress.offset * ones, slope * size, bend * size * size)
-    c = polynomial.quintic(start, (end.offset, end.slope * size, end.bend * size * size), ones)
+    c = polynomial.quintic(start, (end.offset, end.slope * size, end.bend * size * size), duration=ones)
     ahead = road.station - road.station[0]
     at = read(jnp.stack(c, axis=1)[..., None], jnp.minimum(ahead[None, :] / size[:, None], 1))[:, :, 0]
     time, speed = _uniform(state.speed, end, ahead)

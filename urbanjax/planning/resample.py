@@ -23,7 +23,7 @@ def arc_length_splines(
     station = jnp.pad(jnp.cumsum(step, axis=1), ((0, 0), (1, 0)))
     ends = jnp.stack([jnp.cos(heading[:, :: heading.shape[1] - 1]), jnp.sin(heading[:, :: heading.shape[1] - 1])], -1)
     local = position - position[:, :1]
-    bend = jax.vmap(spline.fit)(station, local, ends).bend
+    bend = jax.vmap(spline.fit)(station, local, end_slopes=ends).bend
     step = step[..., None]
     rise = safe.divide(local[:, 1:] - local[:, :-1], step)
     ahead = rise - step * (2 * bend[:, :-1] + bend[:, 1:]) / 6

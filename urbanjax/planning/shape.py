@@ -19,7 +19,7 @@ def to_plane(heading: Array, kappa: Array, offset: Array, slope: Array, bend: Ar
     that broadcast.
     """
     heading, kappa = (jnp.broadcast_to(x, offset.shape) for x in (heading, kappa))
-    return offset_curve(heading, kappa, offset, slope, bend, min_scale=MIN_SCALE)
+    return offset_curve(heading, kappa, offset=offset, slope=slope, bend=bend, min_scale=MIN_SCALE)
 
 
 def from_plane(kappa: Array, offset: Array, tangent: Array, curvature: Array) -> tuple[Array, Array]:
@@ -27,7 +27,7 @@ def from_plane(kappa: Array, offset: Array, tangent: Array, curvature: Array) ->
 
     Args: kappa of the reference (1/m), offset d (m), tangent of the heading from the reference's, curvature (1/m).
     """
-    size = scale(kappa, offset, MIN_SCALE)
+    size = scale(kappa, offset, least=MIN_SCALE)
     slope = tangent * size
     cosine = 1 / jnp.sqrt(1 + tangent * tangent)
     return slope, (curvature * size / cosine - kappa) * size / cosine**2 - kappa * slope * tangent

@@ -42,9 +42,9 @@ def look(
     """
     objects = observation.objects
     with jax.named_scope("route"):
-        road = window(course.corridor, station, params.window)
-        here = progress(road, ego.position, ego.heading)
+        road = window(course.corridor, station, params=params.window)
+        here = progress(road, ego.position, heading=ego.heading)
     with jax.named_scope("prediction"):
-        lanes = locate(course.graph, objects.position, objects.heading, params=params.locate)
+        lanes = locate(course.graph, objects.position, heading=objects.heading, params=params.locate)
         future = predict(course.graph, objects, lanes, params.prediction)
     return Situation(road, here, ego, objects, future, observation.signals)

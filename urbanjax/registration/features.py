@@ -36,7 +36,8 @@ def features(points: PointCloud, params: FeatureParams | None = None) -> tuple[P
     neighbours are certainly the nearest ones. Args: points, the cloud in the frame of its sensor, or of the body.
     """
     params = FeatureParams() if params is None else params
-    near = nearest.nearest(*lax.stop_gradient((points.position, points.valid)), params.neighbours, params.visits)
+    position, valid = lax.stop_gradient((points.position, points.valid))
+    near = nearest.nearest(position, valid, k=params.neighbours, visits=params.visits)
     position, valid = points.position.T[near.order].T, points.valid[near.order]
     covariance, count = _spread(position, near)
     normal = symmetric.smallest_eigenvector(covariance)

@@ -52,6 +52,7 @@ class _Lane(NamedTuple):
 def lanes_across(
     graph: RoadGraph,
     link: Int[Array, "n"],
+    *,
     station: Float[Array, "n"],
     position: Float[Array, "n 2"],
     heading: Float[Array, "n"],
@@ -85,7 +86,7 @@ def lanes_across(
 
 def _place(view: _View, link: Array, guess: Array, has: Array) -> _Lane:
     """A link where the normals meet it; there only within its ends."""
-    at = foot(view.graph, link, guess, view.position, view.heading)
+    at = foot(view.graph, link, guess=guess, position=view.position, heading=view.heading)
     has = has & (at.station > -view.excess) & (at.station < view.graph.length[link] + view.excess)
     return _Lane(link, at.station, at.offset, at.width, has, oncoming=jnp.zeros_like(has), same_way=has)
 
@@ -98,7 +99,7 @@ def _oncoming(view: _View, lane: _Lane) -> tuple[_Lane, Array]:
     share = jnp.sum((view.position[:, None] - start) * chord, -1) / jnp.maximum(jnp.sum(chord * chord, -1), 1e-6)
     position = jnp.broadcast_to(view.position[:, None], chord.shape)
     heading = jnp.broadcast_to(view.heading[:, None], share.shape)
-    at = foot(graph, other, jnp.clip(share, 0, 1) * graph.length[other], position, heading)
+    at = foot(graph, other, guess=jnp.clip(share, 0, 1) * graph.length[other], position=position, heading=heading)
     inside = (at.station > -view.excess[:, None]) & (at.station < graph.length[other] + view.excess[:, None])
     there = graph.has_opposite[lane.link] & inside & lane.same_way[:, None]
     aside = (at.offset - lane.offset[:, None]) / lane.width[:, None]
@@ -120,7 +121,7 @@ def _outward(view: _View, middle: _Lane, count: int) -> tuple[_Lane, Array, Arra
     def outward(lane: _Lane, left: Array) -> tuple[_Lane, tuple[_Lane, Array, Array]]:
         sides = ((graph.left_link, graph.right_link), (graph.has_left, graph.has_right))
         neighbour, has = (jnp.where(left, a[lane.link], b[lane.link]) for a, b in sides)
-        guess = beside(graph, lane.link, lane.station, jnp.broadcast_to(left, lane.has.shape))
+        guess = beside(graph, lane.link, station=lane.station, left=jnp.broadcast_to(left, lane.has.shape))
         beside_it = _place(view, neighbour, guess, has & lane.same_way)
         against, shared = _oncoming(view, lane)
         no = jnp.zeros_like(lane.has)

@@ -67,7 +67,7 @@ class WindowParams:
     n_stations: int = static(default=256)  # W
 
 
-def corridor_along(graph: RoadGraph, route: Route, params: CorridorParams) -> Corridor:
+def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) -> Corridor:
     """The corridor along a route (IV-C.3); pure, of static size.
 
     Beyond the end of the route the reference line goes straight on and `valid` is false. A route of more than N
@@ -80,7 +80,7 @@ def corridor_along(graph: RoadGraph, route: Route, params: CorridorParams) -> Co
 
     def at(u: Array, _: None) -> tuple[Array, tuple[ReferenceRow, Array]]:
         """The rows at u, the arc length of the line if u is uniform, and the u that uniform arc length asks for."""
-        row = rows(graph, path, u, params.blend_length)
+        row = rows(graph, path, u=u, blend_length=params.blend_length)
         arc = jnp.pad(jnp.cumsum(0.5 * (row.speed[1:] + row.speed[:-1])) * params.spacing, (1, 0))
         return jnp.interp(grid, arc, grid) + jnp.maximum(grid - arc[-1], 0), (row, arc)
 
@@ -115,7 +115,7 @@ def corridor_along(graph: RoadGraph, route: Route, params: CorridorParams) -> Co
     )
 
 
-def sized(graph: RoadGraph, route: Route, params: CorridorParams, margin: float = 300.0) -> CorridorParams:
+def sized(graph: RoadGraph, route: Route, *, params: CorridorParams, margin: float = 300.0) -> CorridorParams:
     """`params` with room for the whole route, `margin` metres beyond its end, and all its stop lines (host side).
 
     Sizes are rounded up, so that routes of similar length share one compiled program.
@@ -138,7 +138,7 @@ def _lanes(graph: RoadGraph, path: Walk, row: ReferenceRow, lanes: int) -> Lanes
     station = jnp.where(change, row.following_station, row.station)
     pairs = ((link, other), (row.station, station), (row.position, row.position), (row.heading, row.heading))
     links, stations, positions, headings = (jnp.concatenate(pair) for pair in pairs)
-    across = lanes_across(graph, links, stations, positions, headings, lanes)
+    across = lanes_across(graph, links, station=stations, position=positions, heading=headings, lanes=lanes)
     a, b = (jax.tree.map(lambda x, i=i: jnp.split(x, 2)[i], across) for i in range(2))
     w = row.weight[:, None]
     early, late = w < 0.15, w > 0.85
@@ -162,7 +162,7 @@ def _stops(graph: RoadGraph, path: Walk, route: Route, grid: Array, arc: Array, 
     return jnp.where(has, _station(u[order], grid, arc), 0), jnp.where(has, signal[order], 0), has
 
 
-def window(corridor: Corridor, station: Float[Array, ""], params: WindowParams) -> Corridor:
+def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParams) -> Corridor:
     """The W stations from `behind` metres behind `station`; at the ends of the table, the first or last W.
 
     Piecewise constant in the station; whatever is read from the window by station does not depend on where it begins.

@@ -34,17 +34,19 @@ class _Chains:
 def cost_to_go(
     graph: RoadGraph,
     goal: int | Int[Array, ""],
+    *,
     params: RouteParams | None = None,
     changes: bool = True,
     blocked: Bool[Array, "l"] | None = None,
 ) -> Float[Array, "l"]:
     """`costs_to_go` for one goal."""
-    return costs_to_go(graph, jnp.asarray(goal, jnp.int32)[None], params, changes, blocked)[0]
+    return costs_to_go(graph, jnp.asarray(goal, jnp.int32)[None], params=params, changes=changes, blocked=blocked)[0]
 
 
 def costs_to_go(
     graph: RoadGraph,
     goals: Int[Array, "g"],
+    *,
     params: RouteParams | None = None,
     changes: bool = True,
     blocked: Bool[Array, "l"] | None = None,

@@ -42,7 +42,7 @@ class Projected:
     distance: Array  # [*q] m, more than |offset| beyond the ends
 
 
-def sample(graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"]) -> LinkPoint:
+def sample(graph: RoadGraph, link: Int[Array, "*q"], *, station: Float[Array, "*q"]) -> LinkPoint:
     """The centre line of each link at each station [m]; beyond its ends a link goes straight on.
 
     The position is the cubic Hermite curve of the tabulated positions and headings; the rest is linear. Continuous and
@@ -69,7 +69,7 @@ def _nodes(graph: RoadGraph, link: Array) -> tuple[Array, Array, Array]:
 def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoint:
     n_points = nodes.shape[1]
     step = lean.rows(length, link) / (n_points - 1)
-    index, fraction, beyond = frenet.cell(0.0, step, n_points, station)
+    index, fraction, beyond = frenet.cell(0.0, step, n=n_points, station=station)
     rows, first = nodes.reshape(-1, nodes.shape[-1]), link * n_points + index
     at = frenet.read(frenet.Place(lean.rows(rows, first), lean.rows(rows, first + 1), fraction, beyond, step))
     curvature, width = jnp.unstack(at.others, axis=-1)
@@ -79,6 +79,7 @@ def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoi
 def foot(
     graph: RoadGraph,
     link: Int[Array, "*q"],
+    *,
     guess: Float[Array, "*q"],
     position: Float[Array, "*q 2"],
     heading: Float[Array, "*q"],
@@ -108,6 +109,7 @@ def foot(
 def project(
     graph: RoadGraph,
     link: Int[Array, "*q"],
+    *,
     guess: Float[Array, "*q"],
     position: Float[Array, "*q 2"],
     iterations: int = 4,
@@ -125,14 +127,14 @@ def project(
         x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
         along, aside = cos * x + sin * y, cos * y - sin * x
         found = Projected(station, aside, point.heading, safe.sqrt(along**2 + aside**2))
-        step = along / frenet.scale(point.curvature, aside, 0.2)
+        step = along / frenet.scale(point.curvature, aside, least=0.2)
         return lean.clip(station + step, 0.0, end), found
 
     return lax.fori_loop(0, iterations, improve, (guess, Projected(guess, guess, guess, guess)))[1]
 
 
 def beside(
-    graph: RoadGraph, link: Int[Array, "*q"], station: Float[Array, "*q"], left: Bool[Array, "*q"]
+    graph: RoadGraph, link: Int[Array, "*q"], *, station: Float[Array, "*q"], left: Bool[Array, "*q"]
 ) -> Float[Array, "*q"]:
     """Station [m] on the left (or else right) neighbour beside each station [m], from the graph's station maps."""
     last = graph.centre.shape[1] - 1

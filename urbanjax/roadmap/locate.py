@@ -42,6 +42,7 @@ class Location:
 def locate(
     graph: RoadGraph,
     position: Float[Array, "n 2"],
+    *,
     heading: Float[Array, "n"],
     previous: Location | None = None,
     params: LocateParams | None = None,
@@ -62,13 +63,13 @@ def locate(
     cost = cost + jnp.take_along_axis(penalty, links, axis=1)
     best = jnp.argmin(jnp.where(graph.valid[links], cost, FAR), axis=1)[:, None]
     link, guess = (jnp.take_along_axis(x, best, axis=1)[:, 0] for x in (links, station))
-    at = project(graph, link, guess, position)
+    at = project(graph, link, guess=guess, position=position)
     valid = graph.valid[link] & (at.distance < params.max_distance)
     return Location(link, at.station, at.offset, safe.wrap_angle(heading - at.heading), at.distance, valid)
 
 
 def misfit(
-    graph: RoadGraph, position: Float[Array, "n 2"], heading: Float[Array, "n"], params: LocateParams
+    graph: RoadGraph, position: Float[Array, "n 2"], *, heading: Float[Array, "n"], params: LocateParams
 ) -> Float[Array, "n l"]:
     """How badly each pose fits each link [m]: its distance, and what its heading costs; FAR for padding.
 

@@ -17,7 +17,7 @@ HOPS = 3  # links that may be passed between two records
 PADDED = 64  # poses are looked at in multiples of so many, so that few programs are compiled
 
 
-def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.ndarray | None:
+def match(graph: RoadGraph, position: np.ndarray, *, heading: np.ndarray) -> np.ndarray | None:
     """Link of each of T poses, the cheapest sequence by distance and connection (Viterbi); None off the road.
 
     Args: position [T, 2] m, heading [T] rad.
@@ -38,7 +38,7 @@ def match(graph: RoadGraph, position: np.ndarray, heading: np.ndarray) -> np.nda
     return np.array(links[::-1])
 
 
-def near(graph: RoadGraph, position: np.ndarray, heading: float | None) -> list[int]:
+def near(graph: RoadGraph, position: np.ndarray, *, heading: float | None) -> list[int]:
     """Links within 3 m of a place [2] (m) and along its heading (rad, None: any), the best fit first."""
     fits = _fits(graph, position[None], np.array([heading or 0.0]), ANYHOW if heading is None else ALONG)[0]
     return [int(link) for link in np.argsort(fits, kind="stable") if fits[link] < CLOSE]
@@ -48,7 +48,8 @@ def _fits(graph: RoadGraph, position: np.ndarray, heading: np.ndarray, params: L
     """How badly [T, L] (m) each pose fits each link."""
     more = -len(position) % PADDED
     poses = np.pad(position, ((0, more), (0, 0)), mode="edge"), np.pad(heading, (0, more), mode="edge")
-    return np.asarray(_misfit(graph, *as_arrays((*poses, params))), float)[: len(position)]
+    at, angle, weights = as_arrays((*poses, params))
+    return np.asarray(_misfit(graph, at, heading=angle, params=weights), float)[: len(position)]
 
 
 _misfit = jax.jit(misfit)

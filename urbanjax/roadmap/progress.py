@@ -64,19 +64,24 @@ def sample(corridor: Corridor, station: Float[Array, "*n"]) -> Sample:
 
 
 def to_world(
-    corridor: Corridor, station: Float[Array, "*n"], offset: Float[Array, "*n"]
+    corridor: Corridor, station: Float[Array, "*n"], *, offset: Float[Array, "*n"]
 ) -> tuple[Float[Array, "*n 2"], Float[Array, "*n"], Float[Array, "*n"]]:
     """Positions [m], headings of the reference line [rad] and curvatures of the parallel curve [1/m].
 
     Args: station [m]; offset d [m], left positive, constant along the curve, whose curvature is kappa / (1 - kappa d).
     """
     at = frenet.sample(
-        corridor.position, corridor.heading, corridor.curvature, corridor.station[0], corridor.spacing, station
+        corridor.position,
+        corridor.heading,
+        curvature=corridor.curvature,
+        start=corridor.station[0],
+        spacing=corridor.spacing,
+        station=station,
     )
-    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, 0.1)
+    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, least=0.1)
 
 
-def progress(corridor: Corridor, position: Float[Array, "2"], heading: Float[Array, ""]) -> Progress:
+def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[Array, ""]) -> Progress:
     """Station [m], offset [m] and heading error [rad] of a pose on the reference line; the inverse of `to_world`.
 
     The foot of the perpendicular, by Newton's method from the nearest station; stations that run against the pose's
@@ -102,7 +107,7 @@ def progress(corridor: Corridor, position: Float[Array, "2"], heading: Float[Arr
         place = frenet.locate(line, station)
         at = frenet.read(place)
         along, aside = at.cos * (x - at.x) + at.sin * (y - at.y), at.cos * (y - at.y) - at.sin * (x - at.x)
-        following = station + along / frenet.scale(place.bend, aside, 0.2)
+        following = station + along / frenet.scale(place.bend, aside, least=0.2)
         return lean.clip(following, low, high), Progress(station, aside, at.heading)
 
     _, found = lax.fori_loop(0, SEARCH_STEPS + 3, improve, (station, Progress(station, station, station)))

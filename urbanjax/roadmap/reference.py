@@ -61,7 +61,7 @@ def walk(graph: RoadGraph, route: Route) -> Walk:
         link, changes, to_left, remaining = entry
         rest = graph.length[link] - start
         part = jnp.where(changes, rest / jnp.maximum(remaining, 1), rest)
-        then = jnp.where(changes, beside(graph, link, start + part, to_left), 0)
+        then = jnp.where(changes, beside(graph, link, station=start + part, left=to_left), 0)
         return then, (start, part)
 
     _, (start, part) = lax.scan(cover, jnp.zeros_like(graph.length[0]), (route.link, change, left, to_come))
@@ -71,7 +71,7 @@ def walk(graph: RoadGraph, route: Route) -> Walk:
     return Walk(route.link, following, change, left, start, part, end - part, last, end[-1])
 
 
-def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float | Float[Array, ""]) -> ReferenceRow:
+def rows(graph: RoadGraph, path: Walk, *, u: Float[Array, "n"], blend_length: float | Float[Array, ""]) -> ReferenceRow:
     """The reference line at each u [m]; beyond the end of the route it goes straight on.
 
     A lane change takes `blend_length` metres (less where its part of the link is shorter) in the middle of that part,
@@ -88,14 +88,20 @@ def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float
     slope = 30 * (t * (1 - t)) ** 2 / reach
     bend = 60 * t * (1 - t) * (1 - 2 * t) / reach**2
 
-    here = sample(graph, link, station)
-    there = foot(graph, other, beside(graph, link, station, path.left[r]), here.position, here.heading)
+    here = sample(graph, link, station=station)
+    there = foot(
+        graph,
+        other,
+        guess=beside(graph, link, station=station, left=path.left[r]),
+        position=here.position,
+        heading=here.heading,
+    )
     away = jnp.where(change, there.offset, 0)
     turned = safe.wrap_angle(there.heading - here.heading)
     drift = jnp.where(change, jnp.tan(jnp.clip(turned, -1, 1)) * (1 - here.curvature * away), 0)
     offset, offset_slope = weight * away, slope * away + weight * drift
     heading, curvature = frenet.offset_curve(
-        here.heading, here.curvature, offset, offset_slope, bend * away + 2 * slope * drift
+        here.heading, here.curvature, offset=offset, slope=offset_slope, bend=bend * away + 2 * slope * drift
     )
     return ReferenceRow(
         entry=r,
@@ -105,7 +111,7 @@ def rows(graph: RoadGraph, path: Walk, u: Float[Array, "n"], blend_length: float
         position=frenet.to_world(frenet.Reference(here.position, here.heading, here.curvature), offset),
         heading=heading,
         curvature=curvature,
-        speed=frenet.offset_length(here.curvature, offset, offset_slope),
+        speed=frenet.offset_length(here.curvature, offset, slope=offset_slope),
     )
 
 

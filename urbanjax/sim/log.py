@@ -58,7 +58,7 @@ def record(
         centre=seen.centre,
         along=ego.speed * jnp.cos(error[0]),
         offset=place.offset[0],
-        road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, EDGE),
+        road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, scale=EDGE),
         traffic=seen.others,
     )
 
@@ -73,5 +73,5 @@ def _edges(
     centre = -place.offset * jnp.sign(jnp.cos(error))
     # A lane that ends before the ego, or begins after it, is no ground beside it.
     beside = half_width - jnp.maximum(place.distance - jnp.abs(place.offset), 0.0)
-    left = -soft.minimum(-(centre + beside), relaxation, EDGE, exists)
-    return left, soft.minimum(centre - beside, relaxation, EDGE, exists)
+    left = -soft.minimum(-(centre + beside), relaxation, scale=EDGE, mask=exists)
+    return left, soft.minimum(centre - beside, relaxation, scale=EDGE, mask=exists)

@@ -108,7 +108,7 @@ def to_line(
     unused = jnp.zeros_like(line[:, 0])  # station, heading and curvature, which the distance does not need
 
     def distance(point: Array) -> Array:
-        return polyline.project(line, point, mask, unused, unused, unused).distance
+        return polyline.project(line, point, mask=mask, station=unused, heading=unused, curvature=unused).distance
 
     return jax.lax.map(distance, x, batch_size=min(block, x.shape[0]))
 
@@ -131,8 +131,8 @@ def nearest(
     if x.shape[0] * y.shape[0] <= PAIRS:
         return _of_all_pairs(x, y, x_mask, y_mask, block)
     depth = trees.depth(max(x.shape[0], y.shape[0]))
-    one, two = trees.build(x.T, x_mask, depth), trees.build(y.T, y_mask, depth)
-    to_y, to_x = nearest_among(one, two, 1)[0][0], nearest_among(two, one, 1)[0][0]
+    one, two = trees.build(x.T, x_mask, levels=depth), trees.build(y.T, y_mask, levels=depth)
+    to_y, to_x = nearest_among(one, two, k=1)[0][0], nearest_among(two, one, k=1)[0][0]
     return jnp.where(to_y < y.shape[0], to_y, 0), jnp.where(to_x < x.shape[0], to_x, 0)
 
 
@@ -191,6 +191,6 @@ def summarised(
     return Distances(
         mean=masked.mean(distance, mask),
         rmse=masked.rms(distance, mask),
-        quantile=masked.quantile(distance, mask, level),
+        quantile=masked.quantile(distance, mask, level=level),
         hausdorff=masked.largest(distance, mask),
     )

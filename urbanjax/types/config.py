@@ -73,7 +73,7 @@ def nearest(key: str, valid: Iterable[str]) -> str:
     return f"; the nearest valid key is '{found[0]}'" if found else ""
 
 
-def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], source: str = "", prefix: str = "") -> None:
+def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], *, source: str = "", prefix: str = "") -> None:
     """Raise ConfigError for the first key of `config` that `valid` does not have, with the nearest one that it has.
 
     Args: source, the file or command that the config came from; prefix, dotted path of both mappings.
@@ -87,21 +87,21 @@ def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], source: str 
         if name not in valid:
             raise ConfigError(f"unknown key '{key}'{where}{nearest(key, root)}")
         if isinstance(value, Mapping) and isinstance(valid[name], Mapping):
-            check_keys(value, valid[name], source, f"{key}.")
+            check_keys(value, valid[name], source=source, prefix=f"{key}.")
 
 
-def to_params(params_class: type[T], config: Mapping[str, Any], prefix: str = "", source: str = "") -> T:
+def to_params(params_class: type[T], config: Mapping[str, Any], *, prefix: str = "", source: str = "") -> T:
     """An instance of `params_class` with the values of `config`; what it leaves out keeps its default.
 
     Args: config, nested plain values; prefix, dotted path of `config` for messages (ends in a dot); source, the
     file it came from. Raises ConfigError in one line for an unknown key (with the nearest valid one), a wrong
     type, a non-finite number, a negative size, a value out of the field's range and an empty grid.
     """
-    check_keys(config, schema(params_class), source, prefix)
-    return updated(params_class(), config, prefix)
+    check_keys(config, schema(params_class), source=source, prefix=prefix)
+    return updated(params_class(), config, prefix=prefix)
 
 
-def updated(params: T, config: Mapping[str, Any], prefix: str = "") -> T:
+def updated(params: T, config: Mapping[str, Any], *, prefix: str = "") -> T:
     """`params` with the values of `config`, checked; what it leaves out stays as it is, at every depth.
 
     Args: config, nested plain values with keys of the params; prefix, dotted path for messages. Raises ConfigError.
@@ -119,7 +119,7 @@ def _convert(spec: dataclasses.Field, current: Any, value: Any, key: str) -> Any
     if dataclasses.is_dataclass(default):
         if not isinstance(value, Mapping):
             raise ConfigError(f"'{key}' is a group of values, not {value!r}")
-        return updated(current, value, f"{key}.")
+        return updated(current, value, prefix=f"{key}.")
     if isinstance(default, enum.Enum):
         return _member(type(default), value, key)
     if isinstance(default, tuple):

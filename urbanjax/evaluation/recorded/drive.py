@@ -124,7 +124,7 @@ def _all(
         # Beyond the end of the record the last step is held: nothing happens any more.
         held = jnp.minimum(jnp.arange(n_steps), count - 1)
         log = jax.tree.map(lambda x: x[held], log)
-        station = jax.vmap(lambda p, h: progress(corridor, p, h).station)(log.centre, log.ego.heading)
+        station = jax.vmap(lambda p, h: progress(corridor, p, heading=h).station)(log.centre, log.ego.heading)
         # Where the route has left the map nobody knows where the road is.
         mapped = station + vehicle.length / 2 < corridor.length
         margin = jnp.where(mapped, log.road_margin, metrics.FAR)
@@ -172,4 +172,4 @@ def _read(scene: RecordedScene, k: int, log: Log, collision: Collision, off_road
 
 @jax.jit
 def _station(corridor: Corridor, position: Array, heading: Array) -> Array:
-    return jnp.minimum(progress(corridor, position, heading).station, corridor.length)
+    return jnp.minimum(progress(corridor, position, heading=heading).station, corridor.length)

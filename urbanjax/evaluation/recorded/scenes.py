@@ -92,7 +92,7 @@ def _replaced(graph: RoadGraph, recording: Recording, v: int, steps: int) -> Ego
     first = int(recording.valid[v].argmax())
     span = slice(first, first + steps)
     position, heading = recording.position[v, span], recording.heading[v, span]
-    links = match(graph, position, heading)
+    links = match(graph, position, heading=heading)
     if links is None:
         raise RouteError("leaves the map")
     # Along the roads that were driven, without the lane changes that can be done without.
@@ -135,12 +135,12 @@ def problems(
 
 
 def _posed(graph: RoadGraph, recording: Recording, problem: PlanningProblem) -> EgoStart:
-    own = near(graph, np.array(problem.position), problem.heading)
+    own = near(graph, np.array(problem.position), heading=problem.heading)
     if not own:
         raise RouteError("begins off the road")
     places = [np.array(region.centre) for goal in problem.goals for region in goal.regions]
     goals = [link for goal in problem.goals for link in goal.links]
-    goals += [link for place in places for link in near(graph, place, None)[:1]]
+    goals += [link for place in places for link in near(graph, place, heading=None)[:1]]
     routes: list[tuple[int, Route]] = []
     for link in own:
         with contextlib.suppress(RouteError):
@@ -168,7 +168,7 @@ def _scene(
 ) -> RecordedScene:
     if not starts:
         raise RouteError(f"{name}: nobody can be driven there ({left_out or 'none lasts long enough'})")
-    sizes = [sized(graph, start.route, params) for start in starts]
+    sizes = [sized(graph, start.route, params=params) for start in starts]
     largest = params.replace(n_stations=max(s.n_stations for s in sizes), n_stops=max(s.n_stops for s in sizes))
     vehicles = [vehicle_of(start, vehicle or VehicleParams()) for start in starts]
     return RecordedScene(
@@ -177,7 +177,7 @@ def _scene(
         recording=recording,
         starts=tuple(starts),
         left_out=left_out,
-        corridor=_stack([_extend(graph, start.route, as_arrays(largest)) for start in starts]),
+        corridor=_stack([_extend(graph, start.route, params=as_arrays(largest)) for start in starts]),
         replay=_stack([replay_without(recording, start.index) for start in starts]),
         ego=_stack([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
         vehicle=_stack(vehicles),

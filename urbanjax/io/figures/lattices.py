@@ -61,10 +61,10 @@ def macro_nodes(window: Corridor, plan: MacroPlan) -> tuple[np.ndarray, np.ndarr
     Args: window, the corridor that the plan is in; plan, a macro plan.
     """
     station = np.broadcast_to(np.asarray(plan.station)[:, None], plan.node_offset.shape)
-    nodes = np.asarray(_world(window, station, plan.node_offset)[0])
+    nodes = np.asarray(_world(window, station, offset=plan.node_offset)[0])
     stations = np.concatenate([np.asarray(plan.start_station)[None], plan.station])
     offsets = np.concatenate([np.asarray(plan.start_offset)[None], plan.offset])
-    return nodes, np.asarray(_world(window, stations, offsets)[0])
+    return nodes, np.asarray(_world(window, stations, offset=offsets)[0])
 
 
 def draw_macro(axes: Any, window: Corridor, *, plan: MacroPlan) -> Any:

@@ -73,7 +73,9 @@ def plan(
     if relaxation.mode == "hard":
         taken = values[:, chosen]
     else:
-        taken = jnp.einsum("j,fjt->ft", soft.choose(flat, relaxation, params.choice_scale), values, precision="highest")
+        taken = jnp.einsum(
+            "j,fjt->ft", soft.choose(flat, relaxation, scale=params.choice_scale), values, precision="highest"
+        )
     feasible = ~jnp.any(reasons.reshape(reasons.shape[0], -1)[:, chosen])
     return FrenetPlan(taken, terms, cost, reasons, chosen, feasible)
 

@@ -54,7 +54,7 @@ def along_route(window: Corridor) -> ReferenceLine:
 
 def look_up(line: ReferenceLine, station: Float[Array, "*q"]) -> LineFoot:
     """The line at stations [m]: an arc between two rows, and straight on beyond an end (its curvature is kept)."""
-    index, share, beyond = cell(line.start, line.spacing, line.rows.shape[0], station)
+    index, share, beyond = cell(line.start, line.spacing, n=line.rows.shape[0], station=station)
     row = line.rows.at[index].get(mode="promise_in_bounds")
     x, y, heading, curvature, slope = (row[..., i] + share * row[..., 5 + i] for i in range(5))
     cos, sin = once(jnp.cos(heading), jnp.sin(heading))

@@ -96,7 +96,7 @@ def across(motion: Along, start: Array, grid: EndGrid) -> Across:
     shape = jnp.broadcast_shapes(offsets.shape, reach.shape)
     d0, v0, a0, end, duration = (jnp.broadcast_to(v, shape) for v in (*state, offsets, reach))
     zero = jnp.zeros_like(end)
-    coefficients = tuple(once(*polynomial.quintic((d0, v0, a0), (end, zero, zero), duration)))
+    coefficients = tuple(once(*polynomial.quintic((d0, v0, a0), (end, zero, zero), duration=duration)))
     wide = jnp.broadcast_shapes((*shape, 1), variable.shape)
     offset, slope, bend = _evaluate(coefficients, jnp.broadcast_to(variable, wide))
     ended = jnp.broadcast_to(ended, wide)

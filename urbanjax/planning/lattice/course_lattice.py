@@ -183,7 +183,12 @@ def _is_loop(corridor: Corridor) -> bool:
     start = np.asarray(corridor.position[0]), float(corridor.heading[0])
     station = corridor.length[None]
     end = frenet.sample(
-        corridor.position, corridor.heading, corridor.curvature, corridor.station[0], corridor.spacing, station
+        corridor.position,
+        corridor.heading,
+        curvature=corridor.curvature,
+        start=corridor.station[0],
+        spacing=corridor.spacing,
+        station=station,
     )
     away = float(np.linalg.norm(np.asarray(end.position[0]) - start[0]))
     return away < 1.0 and math.cos(float(end.heading[0]) - start[1]) > 0.99 and float(corridor.length) > 1.0

@@ -36,7 +36,12 @@ def driven(corridor: Corridor, lattice: CourseLattice, nodes: Int[Array, "s"], s
     station = lattice.station[:count, None] + spacing * jnp.asarray(shares, offset.dtype)[None, :]
     d = read(0)
     at = frenet.sample(
-        corridor.position, corridor.heading, corridor.curvature, corridor.station[0], corridor.spacing, station.ravel()
+        corridor.position,
+        corridor.heading,
+        curvature=corridor.curvature,
+        start=corridor.station[0],
+        spacing=corridor.spacing,
+        station=station.ravel(),
     )
     heading, curvature = shape.to_plane(at.heading, at.curvature, d, read(1), read(2))
     return Path(

@@ -136,7 +136,7 @@ def join(
         """All edges at one share, lengths as rates."""
         value, rise, bend = (starts[k][p] + ends[k][p] for k in range(3))
         kappa, left, right = (x[p] for x in road)
-        size = scale(kappa, value, MIN_SCALE)
+        size = scale(kappa, value, least=MIN_SCALE)
         squared = size * size + rise * rise
         rate = jnp.sqrt(squared)
         # That of `geometry.frenet.offset_curve`, with one division for its five: there are many edges.

@@ -141,7 +141,7 @@ def clearance(
         step_time=each(lattice.step_time),
     )
     room = gaps(passage, driving, prediction=prediction, ignored=follower)
-    return soft.minimum(room, driving.relaxation, driving.params.gap_scale).reshape(shape)
+    return soft.minimum(room, driving.relaxation, scale=driving.params.gap_scale).reshape(shape)
 
 
 def node_terms(
@@ -161,7 +161,7 @@ def node_terms(
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
-    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, 0.2)
+    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, least=0.2)
     opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
     return {
         "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, weights.barrier),

@@ -26,7 +26,7 @@ def layered_search(
 
     def backward(value: Array, cost: Array) -> tuple[Array, Array]:
         through = cost + value[None, :]
-        return soft.minimum(through, relaxation, scale), soft.choose(through, relaxation, scale)
+        return soft.minimum(through, relaxation, scale=scale), soft.choose(through, relaxation, scale=scale)
 
     def forward(node: Array, step: Array) -> tuple[Array, tuple[Array, Array]]:
         edge = node[:, None] * step
@@ -35,9 +35,9 @@ def layered_search(
 
     to_go, steps = jax.lax.scan(backward, jnp.zeros_like(start_cost), edge_cost, reverse=True)
     total = start_cost + to_go
-    first = soft.choose(total, relaxation, scale)
+    first = soft.choose(total, relaxation, scale=scale)
     _, (nodes, edges) = jax.lax.scan(forward, first, steps)
-    return soft.minimum(total, relaxation, scale), jnp.concatenate([first[None], nodes]), edges
+    return soft.minimum(total, relaxation, scale=scale), jnp.concatenate([first[None], nodes]), edges
 
 
 def closed_search(
@@ -60,9 +60,9 @@ def closed_search(
         return value, nodes[:-1], edges
 
     values, nodes, edges = jax.vmap(from_node)(others)
-    first = soft.choose(values, relaxation, scale)
+    first = soft.choose(values, relaxation, scale=scale)
     return (
-        soft.minimum(values, relaxation, scale),
+        soft.minimum(values, relaxation, scale=scale),
         jnp.tensordot(first, nodes, axes=1, precision=jax.lax.Precision.HIGHEST),
         jnp.tensordot(first, edges, axes=1, precision=jax.lax.Precision.HIGHEST),
     )

@@ -29,7 +29,9 @@ class Curve:
         """The curve at the given stations [m] (clipped to its ends)."""
         s = np.clip(station, 0.0, self.length)
         i = np.clip(np.searchsorted(self.station, s, side="right") - 1, 0, len(self.station) - 2)
-        position = hermite(self.position, self.heading, np.diff(self.station)[i], i, s - self.station[i])
+        position = hermite(
+            self.position, self.heading, step=np.diff(self.station)[i], index=i, along=s - self.station[i]
+        )
         return Curve(np.asarray(station, float), position, np.interp(s, self.station, self.heading))
 
     def cut(self, start: float, end: float, step: float = 0.5) -> "Curve":
@@ -55,7 +57,7 @@ def normal(heading: np.ndarray) -> np.ndarray:
 
 
 def hermite(
-    points: np.ndarray, heading: np.ndarray, step: np.ndarray, index: np.ndarray, along: np.ndarray
+    points: np.ndarray, heading: np.ndarray, *, step: np.ndarray, index: np.ndarray, along: np.ndarray
 ) -> np.ndarray:
     """Positions [m, 2] that lie `along` [m] metres into the segments `index` [m], each `step` [m] metres long."""
     h = step[:, None]
@@ -70,7 +72,7 @@ def hermite(
     )
 
 
-def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), step: float = 0.25) -> Curve:
+def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), *, step: float = 0.25) -> Curve:
     """The curve through the pieces (lines, arcs, clothoids), from `start` = x, y, heading."""
     nodes, weights = np.polynomial.legendre.leggauss(5)
     x, y, heading = start
@@ -92,7 +94,7 @@ def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0
     return Curve(np.concatenate(stations), np.concatenate(positions), np.concatenate(headings))
 
 
-def turn(angle: float, radius: float, transition: float = 0.0) -> list[Piece]:
+def turn(angle: float, radius: float, *, transition: float = 0.0) -> list[Piece]:
     """Pieces that turn by `angle` [rad, left positive] on `radius` [m], with clothoids of length `transition` [m]."""
     k = np.sign(angle) / radius
     ramp = min(transition, abs(angle) * radius)
@@ -100,7 +102,7 @@ def turn(angle: float, radius: float, transition: float = 0.0) -> list[Piece]:
     return [(ramp, 0.0, k * 1.0), (arc, k, k), (ramp, k, 0.0)]
 
 
-def connect(start: tuple[float, float, float], end: tuple[float, float, float], step: float = 0.25) -> Curve:
+def connect(start: tuple[float, float, float], end: tuple[float, float, float], *, step: float = 0.25) -> Curve:
     """A smooth curve between two poses (x, y, heading).
 
     Line, arc, line where the tangents meet ahead of the start and behind the end; otherwise a cubic.
@@ -116,7 +118,7 @@ def connect(start: tuple[float, float, float], end: tuple[float, float, float], 
         if before > 0.5 and after > 0.5:
             reach = min(before, after)
             bend = turn(angle, reach / np.tan(abs(angle) / 2))
-            return trace([(before - reach, 0.0, 0.0), *bend, (after - reach, 0.0, 0.0)], start, step)
+            return trace([(before - reach, 0.0, 0.0), *bend, (after - reach, 0.0, 0.0)], start, step=step)
     return _cubic(a, b, ta, tb, start[2], step)
 
 

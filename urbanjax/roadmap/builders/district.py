@@ -30,7 +30,7 @@ class _Element:
     def pieces(self) -> list[Piece]:
         if self.length:
             return [(self.length, 0.0, 0.0)]
-        return turn(np.radians(self.angle), self.radius, 8.0 if self.area == "intersection C" else 20.0)
+        return turn(np.radians(self.angle), self.radius, transition=8.0 if self.area == "intersection C" else 20.0)
 
 
 # In driving direction. The two lengths of 1 m are solved for, so that the course closes.
@@ -53,7 +53,7 @@ COURSE = (
 )
 
 
-def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, n_points: int = 32) -> RoadGraph:
+def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, *, n_points: int = 32) -> RoadGraph:
     """A closed course of about 5 km, driven counter-clockwise, with two to four lanes and signals.
 
     Areas "curve A", "curve B", "intersection C", "curve D" .. "curve G", "straight H", "straight I" and unnamed rest;
@@ -91,7 +91,7 @@ def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, n_points: i
         sections[k]["area"] = "intersection C"
     breaks[-1] = line.length
     common: dict[str, Any] = {"lane_width": lane_width, "speed_limit": speed_limit}
-    specs = corridor("course", line, breaks, lanes, closed=True, sections=sections, **common)
+    specs = corridor("course", line, breaks=breaks, n_lanes=lanes, closed=True, sections=sections, **common)
     specs = _cross(specs, line, breaks, corner, n_signals, common)
     return assemble(specs, n_points)
 
@@ -130,7 +130,7 @@ def _cross(
 
     def leg(name: str, way: Curve, n: int, signal: int | None = None) -> list[LaneSpec]:
         fields = {} if signal is None else {"signals": ((n_signals + signal, LEG - 2.0),)}
-        return corridor(name, way, [0.0, way.length], [n], area="cross", **fields, **common)
+        return corridor(name, way, breaks=[0.0, way.length], n_lanes=[n], area="cross", **fields, **common)
 
     specs = [
         *specs,
@@ -152,5 +152,5 @@ def _cross(
         (Turn.RIGHT, [(("south in", 0, 0), east_out)]),
     ):
         fields = {"width": common["lane_width"], "speed_limit": common["speed_limit"]}
-        specs = join(specs, pairs, "intersection C", turn=kind, **fields)
+        specs = join(specs, pairs, area="intersection C", turn=kind, **fields)
     return specs

@@ -19,6 +19,7 @@ LEGS = ("west", "south", "east", "north")  # where the four approaches come from
 def intersection(
     signalised: bool = True,
     n_lanes: int = 2,
+    *,
     leg: float = 100.0,
     size: float = 0.0,
     lane_width: float = 3.5,
@@ -45,8 +46,12 @@ def intersection(
         away = np.array([np.cos(angle), np.sin(angle)])
         inward = trace([(leg, 0.0, 0.0)], (*(-(half + leg) * away), angle), step=leg / 8)
         control = {"signals": ((k, leg - 1.0),)} if signalised else {"rule": Rule.YIELD if k % 2 else Rule.NONE}
-        ways_in += corridor(f"{name} in", inward, [0.0, leg], [n_lanes], area=f"{name} in", **control, **common)
-        ways_out += corridor(f"{name} out", inward.reversed(), [0.0, leg], [n_lanes], area=f"{name} out", **common)
+        ways_in += corridor(
+            f"{name} in", inward, breaks=[0.0, leg], n_lanes=[n_lanes], area=f"{name} in", **control, **common
+        )
+        ways_out += corridor(
+            f"{name} out", inward.reversed(), breaks=[0.0, leg], n_lanes=[n_lanes], area=f"{name} out", **common
+        )
     specs = [*ways_in, *ways_out]
     for k, name in enumerate(LEGS):
         for kind, step, lanes in (
@@ -57,12 +62,12 @@ def intersection(
             target = f"{LEGS[(k + step) % 4]} out"
             pairs = [((f"{name} in", 0, q), (target, 0, q)) for q in lanes]
             specs = join(
-                specs, pairs, f"{name} {kind.name.lower()}", turn=kind, width=lane_width, speed_limit=speed_limit
+                specs, pairs, area=f"{name} {kind.name.lower()}", turn=kind, width=lane_width, speed_limit=speed_limit
             )
     return assemble(specs, n_points)
 
 
-def join(specs: Sequence[LaneSpec], pairs: Sequence[tuple[Any, Any]], area: str, **fields: Any) -> list[LaneSpec]:
+def join(specs: Sequence[LaneSpec], pairs: Sequence[tuple[Any, Any]], *, area: str, **fields: Any) -> list[LaneSpec]:
     """`specs` with a junction link from the end of each pair's first lane to the start of its second.
 
     Keys of the new links are (area, first key, second key). Links of neighbouring lanes are neighbours, without

@@ -43,9 +43,9 @@ def assemble(
     successors, predecessors = _succession(specs, index, centre, gap_tolerance)
     neighbour = _neighbours(specs, index)
     at = _origin(centre, origin)
-    found = meetings(pieces(centre - at, heading, width, length), width, length)
-    opposite = opposites(found, width, length)
-    conflict = conflicts(found, width, _related(successors, neighbour, opposite))
+    found = meetings(pieces(centre - at, heading, width=width, length=length), width, length=length)
+    opposite = opposites(found, width, length=length)
+    conflict = conflicts(found, width, related=_related(successors, neighbour, opposite))
     signals = _signals(specs, length)
     areas = list(dict.fromkeys(["", *(spec.area for spec in specs)]))
 
@@ -146,7 +146,7 @@ def _sides(
         out[f"{side}_change"] = jnp.asarray(
             [bool(j >= 0 if s is None else s) for s, j in zip(stated, link, strict=True)]
         )
-        out[f"{side}_station"] = _floats(neighbour_stations(centre, heading, length, beside))
+        out[f"{side}_station"] = _floats(neighbour_stations(centre, heading, length=length, other=beside))
     return out
 
 
@@ -165,7 +165,7 @@ def _road_types(specs: Sequence[LaneSpec], centre: np.ndarray, conflict: list[li
     pairs = [(i, j) for i, row in enumerate(conflict) if specs[i].road_type is None for j in row]
     crosses = np.zeros(len(specs), bool)
     for part in np.array_split(np.array(pairs, int).reshape(-1, 2), max(1, -(-len(pairs) // AT_ONCE))):
-        crosses[part[:, 0]] |= crossing(centre[part[:, 0]], centre[part[:, 1]], CROSSING)
+        crosses[part[:, 0]] |= crossing(centre[part[:, 0]], centre[part[:, 1]], least_angle=CROSSING)
     assumed = np.where(crosses, RoadType.JUNCTION, RoadType.URBAN)
     return [int(assumed[i] if spec.road_type is None else spec.road_type) for i, spec in enumerate(specs)]
 

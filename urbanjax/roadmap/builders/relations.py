@@ -45,7 +45,7 @@ def project(points: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return k0 + pick(t), np.sqrt(pick(gap)), pick(cross / np.sqrt(square)), inside
 
 
-def neighbour_stations(centre: np.ndarray, heading: np.ndarray, length: np.ndarray, other: np.ndarray) -> np.ndarray:
+def neighbour_stations(centre: np.ndarray, heading: np.ndarray, *, length: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Station [L, P] on link other[l] at the foot of the perpendicular from each point of link l; its own for l."""
     out = length[:, None] * np.linspace(0.0, 1.0, centre.shape[1])
     beside = np.flatnonzero(other != np.arange(len(other)))
@@ -67,7 +67,7 @@ def _stations(points: np.ndarray, line: np.ndarray, angle: np.ndarray, length: n
         f, i = where - k, first + k
         turned = angle[i + 1] - angle[i]
         h = angle[i] + f * turned
-        away = points - hermite(line, angle, step, i, f * step)
+        away = points - hermite(line, angle, step=step, index=i, along=f * step)
         along = away[:, 0] * np.cos(h) + away[:, 1] * np.sin(h)
         aside = away[:, 1] * np.cos(h) - away[:, 0] * np.sin(h)
         where = np.clip(where + along / (step * np.maximum(1 - aside * turned / step, 0.2)), 0.0, last)
@@ -86,7 +86,7 @@ class Pieces:
     pair: np.ndarray  # [n, 2] int, pieces a and b of different links, sorted by link of a, link of b, a
 
 
-def pieces(centre: np.ndarray, heading: np.ndarray, width: np.ndarray, length: np.ndarray) -> Pieces:
+def pieces(centre: np.ndarray, heading: np.ndarray, *, width: np.ndarray, length: np.ndarray) -> Pieces:
     """The pieces of links [L, P], with the pairs that come closer than the sum of their widths.
 
     Raises RoadError where there are too many to be compared, as of lanes that lie on top of each other.
@@ -134,7 +134,7 @@ class Meetings:
     offset: np.ndarray  # [n] m, mean lateral offset of the second there, left positive
 
 
-def meetings(parts: Pieces, width: np.ndarray, length: np.ndarray) -> Meetings:
+def meetings(parts: Pieces, width: np.ndarray, *, length: np.ndarray) -> Meetings:
     """How the links of all near pairs lie to each other."""
     a, b = parts.pair.T
     gap = np.empty((len(a), PIECE + 1))
@@ -178,7 +178,7 @@ def meetings(parts: Pieces, width: np.ndarray, length: np.ndarray) -> Meetings:
     )
 
 
-def opposites(found: Meetings, width: np.ndarray, length: np.ndarray) -> list[list[tuple[int, float]]]:
+def opposites(found: Meetings, width: np.ndarray, *, length: np.ndarray) -> list[list[tuple[int, float]]]:
     """For each link the links in the other direction on the same or the adjacent ground, with their mean offset.
 
     Related where at least 10 m or half of the shorter one lie side by side or coincide; those that cross, like two
@@ -195,7 +195,7 @@ def opposites(found: Meetings, width: np.ndarray, length: np.ndarray) -> list[li
     return out
 
 
-def conflicts(found: Meetings, width: np.ndarray, related: set[tuple[int, int]]) -> list[list[int]]:
+def conflicts(found: Meetings, width: np.ndarray, *, related: set[tuple[int, int]]) -> list[list[int]]:
     """For each link the links that cross it or merge with it, apart from the pairs already related otherwise."""
     out: list[list[int]] = [[] for _ in width]
     back = _mirrored(found)
@@ -212,7 +212,7 @@ def _mirrored(found: Meetings) -> np.ndarray:
     return np.lexsort((found.link[:, 0], found.link[:, 1]))
 
 
-def crossing(a: np.ndarray, b: np.ndarray, least_angle: float = 0.0) -> np.ndarray:
+def crossing(a: np.ndarray, b: np.ndarray, *, least_angle: float = 0.0) -> np.ndarray:
     """Whether the polylines a, b [n, P, 2] intersect, [n], at an angle of at least `least_angle` [rad]."""
 
     def side(p, q, r):

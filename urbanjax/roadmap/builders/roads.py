@@ -30,7 +30,9 @@ def straight(
     line = _straight_line(length, (n_lanes - 0.5) * style.lane_width)
     breaks = evenly(length, min(style.section, length))
     lanes = [n_lanes] * (len(breaks) - 1)
-    specs = corridor("road", line, breaks, lanes, style.lane_width, speed_limit=style.speed_limit)
+    specs = corridor(
+        "road", line, breaks=breaks, n_lanes=lanes, lane_width=style.lane_width, speed_limit=style.speed_limit
+    )
     return assemble(specs, style.n_points)
 
 
@@ -58,8 +60,12 @@ def two_way(
     breaks = evenly(length, min(style.section, length))
     sections = len(breaks) - 1
     common: dict[str, Any] = {"lane_width": style.lane_width, "speed_limit": style.speed_limit}
-    forward = corridor("forward", ahead, breaks, [n_lanes + coinciding] * sections, area="forward", **common)
-    backward = corridor("backward", line.reversed(), breaks, [n_opposite] * sections, area="backward", **common)
+    forward = corridor(
+        "forward", ahead, breaks=breaks, n_lanes=[n_lanes + coinciding] * sections, area="forward", **common
+    )
+    backward = corridor(
+        "backward", line.reversed(), breaks=breaks, n_lanes=[n_opposite] * sections, area="backward", **common
+    )
     # Leaving the last lane on the own side, to the left, is what crosses the centre of the road.
     specs = [
         replace(spec, left_change=overtaking) if spec.key[2] == innermost else spec
@@ -89,7 +95,7 @@ def curve(
         raise RoadError(f"angle is {angle}: its size must be between 0 and 2 pi")
     if angle < 0 and radius <= n_lanes * style.lane_width:
         raise RoadError(f"radius {radius} m is less than the width of {n_lanes} lanes on its inner side: raise it")
-    bend = turn(angle, radius, transition)
+    bend = turn(angle, radius, transition=transition)
     line = trace([(lead, 0.0, 0.0), *bend, (lead, 0.0, 0.0)])
     straight_part = evenly(lead, style.section)
     bend_part = lead + evenly(line.length - 2 * lead, style.section)
@@ -97,7 +103,15 @@ def curve(
     first = len(straight_part) - 1
     areas = {first + k: {"area": "curve"} for k in range(len(bend_part) - 1)}
     lanes = [n_lanes] * (len(breaks) - 1)
-    specs = corridor("road", line, breaks, lanes, style.lane_width, sections=areas, speed_limit=style.speed_limit)
+    specs = corridor(
+        "road",
+        line,
+        breaks=breaks,
+        n_lanes=lanes,
+        lane_width=style.lane_width,
+        sections=areas,
+        speed_limit=style.speed_limit,
+    )
     return assemble(specs, style.n_points)
 
 
@@ -124,9 +138,9 @@ def merge(
     specs = corridor(
         "road",
         line,
-        breaks,
-        [n_lanes, n_lanes + 1, n_lanes],
-        lane_width,
+        breaks=breaks,
+        n_lanes=[n_lanes, n_lanes + 1, n_lanes],
+        lane_width=lane_width,
         sections={1: {"area": "merge"}},
         speed_limit=speed_limit,
         road_type=RoadType.HIGHWAY,

@@ -13,6 +13,7 @@ from urbanjax.types import RoadError
 def corridor(
     name: str,
     line: Curve,
+    *,
     breaks: Sequence[float] | np.ndarray,
     n_lanes: Sequence[int],
     lane_width: float = 3.5,

@@ -95,7 +95,7 @@ def resample(spec: LaneSpec, n: int) -> tuple[np.ndarray, ...]:
         heading = _headings(points)
     else:
         i = np.clip(np.searchsorted(station, grid, side="right") - 1, 0, len(steps) - 1)
-        points = hermite(centre, given, steps[i], i, grid - station[i])
+        points = hermite(centre, given, step=steps[i], index=i, along=grid - station[i])
         heading = np.interp(grid, station, given)
     curvature = np.gradient(heading, grid, edge_order=2)
     if spec.borders is None:

@@ -57,7 +57,9 @@ def drive(key: Array, corridor: Corridor, *, params: TourParams, vehicle: Vehicl
     station, speed, time = _profile(
         np.asarray(corridor.station), np.asarray(corridor.curvature), float(corridor.length), params
     )
-    position, heading, curvature = to_world(corridor, jnp.asarray(station), jnp.full(len(station), params.offset))
+    position, heading, curvature = to_world(
+        corridor, jnp.asarray(station), offset=jnp.full(len(station), params.offset)
+    )
     keys = jax.random.split(key, 4)
     acceleration = jnp.asarray(np.gradient(speed, time), position.dtype)
     speed = jnp.asarray(speed, position.dtype)

@@ -67,7 +67,7 @@ def place(
     heading, curvature = polyline.headings(whole, counts), jnp.zeros_like(station)
 
     def found(point: Array) -> tuple[Array, Array, Array]:
-        at = polyline.project(whole, point, counts, station, heading, curvature)
+        at = polyline.project(whole, point, mask=counts, station=station, heading=heading, curvature=curvature)
         # Nothing follows the end of a closed line, so beside the seam the offset is that from the vertex.
         side = jnp.where(at.offset < 0, -at.distance, at.distance)
         return at.station, side if closed else at.offset, at.distance

@@ -28,11 +28,11 @@ def neighbours(
     """
     points = lax.stop_gradient(points)
     depth, most = trees.depth(points.shape[1]), max(ranks)
-    forest = lax.map(lambda team: trees.build(team[0].T, team[1], depth, FINE), (points, valid))
+    forest = lax.map(lambda team: trees.build(team[0].T, team[1], levels=depth, passes=FINE), (points, valid))
 
     def search(pair: tuple[Array, Array]) -> Array:
         own, other = (jax.tree.map(operator.itemgetter(team), forest) for team in pair)
-        found, _ = nearest_among(own, other, most + 1)
+        found, _ = nearest_among(own, other, k=most + 1)
         # A sample is its own nearest one, or ties with it.
         return found[jnp.asarray(ranks) - (pair[0] != pair[1])]
 

@@ -90,8 +90,8 @@ def bootstrapped(
     pairs, chain = jax.lax.map(drawn, index)
     every = jnp.ones(draws, bool)
     levels = (0.5 - 0.5 * level, 0.5 + 0.5 * level)
-    each = [masked.quantile(pairs.T, jnp.broadcast_to(every, pairs.T.shape), at) for at in levels]
-    return jnp.stack(each, axis=-1), jnp.stack([masked.quantile(chain, every, at) for at in levels])
+    each = [masked.quantile(pairs.T, jnp.broadcast_to(every, pairs.T.shape), level=at) for at in levels]
+    return jnp.stack(each, axis=-1), jnp.stack([masked.quantile(chain, every, level=at) for at in levels])
 
 
 def _ratios(rear: Array, front: Array, both: Array) -> tuple[Array, Array]:

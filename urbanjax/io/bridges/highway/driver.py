@@ -155,4 +155,4 @@ def _nearest(env: Any, reach: float, count: int, dtype: Any) -> Objects:
 
 _step = jax.jit(stack.step)
 _init = jax.jit(stack.init)
-_locate = jax.jit(lambda graph, position, heading, params: locate(graph, position, heading, params=params))
+_locate = jax.jit(lambda graph, position, heading, params: locate(graph, position, heading=heading, params=params))

@@ -50,7 +50,7 @@ def ahead(graph: RoadGraph, start: int, *, reach: float) -> Destination:
     closed = bool(host.has_successor[link].any()) and way < reach
     goals = _abreast(host, seen[-1])
     params = RouteParams()
-    costs = np.stack([np.asarray(_cost_to_go(graph, goal, params)) for goal in goals])
+    costs = np.stack([np.asarray(_cost_to_go(graph, goal, params=params)) for goal in goals])
     return Destination(goals, costs, max(int(np.ceil(reach / way)), 1) if closed else 1)
 
 
@@ -102,7 +102,7 @@ def _course(
     params: CorridorParams,
 ) -> tuple[Course, jax.Array]:
     route = plan_route(graph, start, trip=Trip(goal, laps=laps), params=search)
-    corridor = corridor_along(graph, route, params)
+    corridor = corridor_along(graph, route, params=params)
     corridor = corridor.replace(change=_clear_of_bars(corridor.change, round(BODY / params.spacing)))
     return Course(graph, corridor), jnp.asarray(route.status)
 
