@@ -12,7 +12,12 @@ from tests.conftest import REPOSITORY
 MOST_ARGUMENTS, MOST_LINES, LARGEST_ROOM = 7, 300, 0.25
 PROTOCOLS = ("init", "step", "rollout")  # (params, course or lanes, state, ...): their order is the protocol
 # Operators of arrays, whose order is that of the formula; everything else takes arguments past the second by keyword.
-OPERATORS: set[str] = set()
+OPERATORS: set[str] = {
+    "urbanjax.numerics.lean.clip",
+    "urbanjax.numerics.lean.where",
+    "urbanjax.numerics.safe.within",
+    "urbanjax.numerics.soft.above",
+}
 
 
 def files(*roots: str) -> list[Path]:

@@ -77,7 +77,10 @@ def tabulated(
     start: float | Float[Array, ""],
     spacing: float | Float[Array, ""],
 ) -> Line:
-    """The table of a line from its position (m) and heading (rad, unwrapped), and of what is read with them."""
+    """The table of a line from its position (m) and heading (rad, unwrapped), and of what is read with them.
+
+    Args: position [n, 2] m; heading [n] rad, unwrapped; others [n] or [n, c]; start m, first station; spacing m.
+    """
     columns = [x if x.ndim == 2 else x[:, None] for x in (position, heading, *others)]
     return Line(jnp.concatenate(columns, axis=1), start, spacing)
 
@@ -87,7 +90,7 @@ def cell(
 ) -> tuple[Int[Array, "*q"], Float[Array, "*q"], Float[Array, "*q"]]:
     """Interval of the grid at each station (0 to n - 2), fraction within it (0 to 1), and metres beyond an end, signed.
 
-    Args: start, first station [m]; spacing [m]; n, number of grid stations; station [m].
+    Args: start m, first station; spacing m; n, number of grid stations; station [*q] m.
     """
     steps = (station - start) / spacing
     inside = safe.within(steps, 0.0, n - 1.0)
@@ -96,13 +99,16 @@ def cell(
 
 
 def locate(line: Line, station: Float[Array, "*q"]) -> Place:
-    """Where stations [m] lie on a line."""
+    """Where stations [m] lie on a line. Args: line, the table; station [*q] m."""
     index, fraction, beyond = cell(line.start, line.spacing, n=line.rows.shape[0], station=station)
     return Place(lean.rows(line.rows, index), lean.rows(line.rows, index + 1), fraction, beyond, line.spacing)
 
 
 def read(place: Place) -> Reading:
-    """The line at places: the cubic Hermite curve of positions and headings, all else linear; straight on beyond."""
+    """The line at places: the cubic Hermite curve of positions and headings, all else linear; straight on beyond.
+
+    Args: place [*q], between rows of a table.
+    """
     f = place.fraction
     mixed = linear(place.before, place.after, fraction=f)
     heading = mixed[..., 2]
@@ -127,7 +133,7 @@ def read(place: Place) -> Reading:
 def linear(
     before: Float[Array, "*q c"], after: Float[Array, "*q c"], *, fraction: Float[Array, "*q"]
 ) -> Float[Array, "*q c"]:
-    """Rows between two others."""
+    """Rows between two others. Args: before, after [*q, c]; fraction [*q], of the way from one to the other."""
     weight = fraction[..., None]
     return before * (1 - weight) + after * weight
 
@@ -143,7 +149,8 @@ def sample(
 ) -> Reference:
     """The reference line at the stations; beyond an end it goes straight on (its curvature fades within one spacing).
 
-    Args: position [m], heading [rad, unwrapped] and curvature [1/m] at stations start + spacing * k [m]; station [m].
+    Args: position [n, 2] m, heading [n] rad, unwrapped, and curvature [n] 1/m at stations start + spacing * k (m);
+    station [*q] m.
     """
     place = locate(tabulated(position, heading, curvature, start=start, spacing=spacing), station)
     at = read(place)
@@ -152,12 +159,18 @@ def sample(
 
 
 def scale(curvature: Array, offset: Array, *, least: float) -> Array:
-    """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than `least`."""
+    """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than `least`.
+
+    Args: curvature [*q] 1/m; offset [*q] m; least, a bound that keeps divisions by it finite.
+    """
     return jnp.maximum(1 - curvature * offset, least)
 
 
 def to_world(reference: Reference, offset: Float[Array, "*q"]) -> Float[Array, "*q 2"]:
-    """Positions [m] at a lateral offset [m] from the reference line, left positive."""
+    """Positions [m] at a lateral offset [m] from the reference line, left positive.
+
+    Args: reference, the line at stations [*q]; offset [*q] m.
+    """
     x, y = jnp.unstack(reference.position, axis=-1)
     cos, sin = jnp.cos(reference.heading), jnp.sin(reference.heading)
     return jnp.stack([x - offset * sin, y + offset * cos], axis=-1)
@@ -180,8 +193,8 @@ def offset_curve(
 
     with tan and cos of the heading difference. The frame ends where 1 - kappa_r d reaches 0, the centre of curvature;
     it is held at min_scale, so the result is finite but means nothing beyond (not differentiable at that bound).
-    Args: heading [rad] and curvature [1/m] of the reference; offset d [m]; slope d' [-]; bend d'' [1/m];
-    curvature_slope kappa_r' [1/m^2], 0 if not given.
+    Args: heading [*q] rad and curvature [*q] 1/m of the reference; offset d [*q] m; slope d' [*q]; bend d'' [*q] 1/m;
+    curvature_slope kappa_r' [*q] 1/m^2, 0 if not given; min_scale, as above.
     """
     size = scale(curvature, offset, least=min_scale)
     twist = curvature * slope if curvature_slope is None else curvature * slope + curvature_slope * offset
@@ -194,6 +207,9 @@ def offset_curve(
 def offset_length(
     curvature: Float[Array, "*q"], offset: Float[Array, "*q"], *, slope: Float[Array, "*q"]
 ) -> Float[Array, "*q"]:
-    """Metres of the offset curve per metre of reference line, sqrt((1 - kappa d)^2 + d'^2)."""
+    """Metres of the offset curve per metre of reference line, sqrt((1 - kappa d)^2 + d'^2).
+
+    Args: curvature kappa [*q] 1/m; offset d [*q] m; slope d' [*q].
+    """
     size = 1 - curvature * offset
     return safe.sqrt(size * size + slope * slope)

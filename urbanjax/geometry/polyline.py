@@ -60,7 +60,10 @@ def _segments(points: Array, mask: Array | None) -> _Segments:
 
 
 def arc_length(points: Float[Array, "p 2"], mask: Bool[Array, "p"] | None = None) -> Float[Array, "p"]:
-    """Station [m] of each point: cumulative chord length from the first (Eq. 19)."""
+    """Station [m] of each point: cumulative chord length from the first (Eq. 19).
+
+    Args: points [P, 2] m; mask [P], points that count.
+    """
     segments = _segments(points, mask)
     return jnp.pad(jnp.cumsum(jnp.where(segments.counts, segments.length, 0)), (1, 0))
 
@@ -70,6 +73,7 @@ def headings(points: Float[Array, "p 2"], mask: Bool[Array, "p"] | None = None) 
 
     Two segments share the turn between them by their lengths, and each end mirrors its neighbour in the chord: exact
     on a circle. Repeated points share one heading. A polyline without a segment has heading 0.
+    Args: points [P, 2] m; mask [P], points that count.
     """
     g = _segments(points, mask)
     direction = safe.arctan2(g.step[:, 1], g.step[:, 0])
@@ -87,6 +91,7 @@ def curvatures(points: Float[Array, "p 2"], mask: Bool[Array, "p"] | None = None
     """Signed curvature [1/m] at each point, left positive: of the circle through it and its two neighbours.
 
     An end takes the value of its neighbour; a straight line, a reversal or a polyline of one segment has curvature 0.
+    Args: points [P, 2] m; mask [P], points that count.
     """
     g = _segments(points, mask)
     a, b = g.step[g.before], g.step[g.after]
@@ -113,7 +118,10 @@ def interpolate(
 
 
 def resample(points: Float[Array, "p 2"], n: int, *, mask: Bool[Array, "p"] | None = None) -> Float[Array, "{n} 2"]:
-    """The polyline's points [n, 2] at n equal steps of arc length, its two ends included."""
+    """The polyline's points [n, 2] at n equal steps of arc length, its two ends included.
+
+    Args: points [P, 2] m; n, number of points; mask [P], points that count.
+    """
     station = arc_length(points, mask)
     return interpolate(station, points, query=station[-1] * jnp.linspace(0, 1, n, dtype=points.dtype))
 
@@ -141,8 +149,9 @@ def project(
     Station, offset, heading and position are continuous in the query wherever the nearest point is unique (across
     vertices and past the ends too). Not differentiable on the two normals of each vertex: on the convex side, where the
     vertex itself is nearest, the station rests. Past an end the offset is the lateral part and `distance` all of it.
-    Args: mask [P], points that count (with no segment at all, the first point is the answer and the offset is 0);
-    station [m], heading [rad, unwrapped] and curvature [1/m] of the vertices, computed here if not given.
+    Args: points [P, 2] m; query [2] m; mask [P], points that count (with no segment at all, the first point is the
+    answer and the offset is 0); station [P] m, heading [P] rad, unwrapped, and curvature [P] 1/m of the vertices,
+    computed here if not given.
     """
     counts = _segments(points, mask).counts
     station = arc_length(points, mask) if station is None else station

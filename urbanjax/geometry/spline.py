@@ -91,7 +91,10 @@ def fit_path(
 
 
 def evaluate(spline: Spline, query: Float[Array, "*q"]) -> tuple[Array, Array, Array]:
-    """Value, derivative and second derivative [*q, C] at the queries [m]; beyond an end the line goes straight on."""
+    """Value, derivative and second derivative [*q, C] at the queries [m]; beyond an end the line goes straight on.
+
+    Args: spline, of C channels; query [*q] m.
+    """
     station, value, bend = spline.station, spline.value, spline.bend
     inside = jnp.clip(query, station[0], station[-1])
     beyond = (query - inside)[..., None]
@@ -109,7 +112,10 @@ def evaluate(spline: Spline, query: Float[Array, "*q"]) -> tuple[Array, Array, A
 
 
 def evaluate_path(spline: Spline, query: Float[Array, "*q"]) -> tuple[Array, Array, Array]:
-    """Position [*q, 2] m, heading [*q] rad in [-pi, pi] and curvature [*q] 1/m of a planar spline at the queries."""
+    """Position [*q, 2] m, heading [*q] rad in [-pi, pi] and curvature [*q] 1/m of a planar spline at the queries.
+
+    Args: spline, of x and y (m); query [*q] m.
+    """
     position, slope, bend = evaluate(spline, query)
     (dx, dy), (ddx, ddy) = (slope[..., 0], slope[..., 1]), (bend[..., 0], bend[..., 1])
     speed = safe.norm(slope)

@@ -24,7 +24,8 @@ def nearest_among(own: Tree, other: Tree, *, k: int) -> tuple[Int[Array, "k n"],
 
     Indices and columns count the points as they were given to `tree.build`; an index is `other`'s number of points
     where there are fewer than k, and for an invalid query. Of neighbours whose squared distances differ by less than
-    1e-5 of them either may come first. Not differentiable. Args: own and other, trees of equal depth.
+    1e-5 of them either may come first. Not differentiable.
+    Args: own and other, trees of equal depth; k, how many.
     """
     n, m = own.order.shape[0], other.order.shape[0]
     index, squared, exact = groups.by_groups(own, other, k=k, visits=max(VISITS, -(-k // trees.FAN)))

@@ -13,7 +13,8 @@ def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, passes: int 
 
     Sorts of one word each, by parts of the code from the lowest upwards, with the index in the rest of the word:
     sorting pairs takes XLA five times as long. What the index leaves bounds the steps per axis: with two passes 1024
-    for N up to 32768 in three dimensions, or for N up to a million in two. Args: passes, no more than 30 bits need.
+    for N up to 32768 in three dimensions, or for N up to a million in two.
+    Args: points [d, N]; valid [N], points that count; passes, no more than 30 bits need.
     """
     d, n = points.shape
     index_bits = max((n - 1).bit_length(), 1)
@@ -36,7 +37,10 @@ def order(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, passes: int 
 
 
 def code_of(cell: Int[Array, "d n"], bits: int) -> Int[Array, " n"]:
-    """The place of cells, of 2^bits along each axis, on the curve (Skilling 2004)."""
+    """The place of cells, of 2^bits along each axis, on the curve (Skilling 2004).
+
+    Args: cell [d, n], not negative; bits, per axis.
+    """
     x = list(cell)
     for bit in reversed(range(1, bits)):
         below = (1 << bit) - 1

@@ -30,8 +30,9 @@ class Neighbours:
 def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, k: int, visits: int = 24) -> Neighbours:
     """The k nearest valid points of each point. Not differentiable.
 
-    Where `exact` is false the neighbours are near ones, but perhaps not the nearest; more visits mend it. Args: visits,
-    groups of four points that each group looks at; more than some dozens take long to compile.
+    Where `exact` is false the neighbours are near ones, but perhaps not the nearest; more visits mend it.
+    Args: points [d, N]; valid [N], points that count; k, how many; visits, groups of four points that each group looks
+    at; more than some dozens take long to compile.
     """
     n = points.shape[1]
     tree = trees.build(points, valid, levels=trees.depth(n))
@@ -43,8 +44,9 @@ def nearest(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, k: int, vi
 def by_groups(own: Tree, other: Tree, *, k: int, visits: int, same: bool = False) -> tuple[Array, Array, Array]:
     """Places in `other` [k, M], squared distances [k, M] and certificates [M] for the M points of `own`.
 
-    Squared distances are inf where there are fewer than k points. Args: own, a tree with as many levels as `other`;
-    same, whether both are one tree.
+    Squared distances are inf where there are fewer than k points.
+    Args: own, a tree with as many levels as `other`; k, how many; visits, groups that each group looks at; same,
+    whether both are one tree.
     """
     boxes, near, beyond = _parents(own, other, visits, same)
     parents = near.shape[0]
@@ -98,15 +100,17 @@ def narrowed(
 ) -> tuple[Int[Array, "g w"], Float[Array, " g"]]:
     """The W groups nearest to each part of some parents, of those that are parts of what the parent looks at.
 
-    Returns also the squared distance within which no other group has a point. Args: first, number of the first parent
-    where own parts are among the others.
+    Returns also the squared distance within which no other group has a point.
+    Args: own [P, b, f], boxes of the parts of P parents; boxes [Q, b, c], of the parts of the others; near [P, V],
+    others that each parent looks at; beyond [P], squared distance within which it misses none; width W; first, number
+    of the first parent where own parts are among the others.
     """
     number = parts_of(near)
     parts = own.shape[-1]
     if width >= number.shape[1]:
         return jnp.repeat(number, parts, axis=0), jnp.repeat(beyond, parts)
     apart = gaps_between(own, at(boxes, near))
-    floor = 2**20 * jnp.finfo(apart.dtype).tiny
+    floor = 2**20 * jnp.finfo(apart.dtype).tiny  # above the key that `tagged` makes of 0
     if first is not None:
         # Boxes may overlap so much that many are apart by nothing; a group looks at itself first.
         me = first * FAN + jnp.arange(own.shape[0] * parts, dtype=jnp.int32).reshape(-1, parts, 1)
@@ -120,7 +124,11 @@ def narrowed(
 def nearest_of(
     own: Float[Array, "g d f"], leaves: Float[Array, "h d c"], *, near: Int[Array, "g v"], k: int
 ) -> tuple[Int[Array, "k n"], Float[Array, "k n"]]:
-    """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at."""
+    """Places and squared distances of the k points nearest to each point of some groups, in the groups looked at.
+
+    Args: own [G, d, f], points of G groups; leaves [H, d, c], all others by groups; near [G, V], groups looked at; k,
+    how many.
+    """
     found, pick = _closest(between(own, at(leaves, near)), k)
     number = parts_of(near)
     row = jnp.arange(number.shape[0], dtype=jnp.int32)[None, :, None] * number.shape[1]
@@ -128,7 +136,10 @@ def nearest_of(
 
 
 def gaps_between(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) -> Float[Array, "g f c"]:
-    """Squared distances between the parts of each group and the C = V * H parts of the groups it looks at."""
+    """Squared distances between the parts of each group and the C = V * H parts of the groups it looks at.
+
+    Args: own [G, 2 d, f], boxes as (low, -high); others [G, V, 2 d, H], likewise.
+    """
     g, b, f = own.shape
     d = b // 2
     total = jnp.zeros((), own.dtype)
@@ -140,7 +151,10 @@ def gaps_between(own: Float[Array, "g b f"], others: Float[Array, "g v b h"]) ->
 
 
 def between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Float[Array, "g f c"]:
-    """Squared distances between the points of each group and the C = V * H points of the groups it looks at."""
+    """Squared distances between the points of each group and the C = V * H points of the groups it looks at.
+
+    Args: own [G, d, f], points; others [G, V, d, H], points.
+    """
     g, d, f = own.shape
     own = jnp.where(jnp.isfinite(own), own, 0)
     gaps = [own[:, i, :, None, None] - others[:, None, :, i] for i in range(d)]
@@ -156,5 +170,5 @@ def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[
 
 
 def parts_of(near: Int[Array, "g v"]) -> Int[Array, "g c"]:
-    """The numbers of the C = V * FAN parts of the groups looked at."""
+    """The numbers of the C = V * FAN parts of the groups looked at. Args: near [G, V], numbers of groups."""
     return (near[:, :, None] * FAN + jnp.arange(FAN, dtype=jnp.int32)[None, None]).reshape(near.shape[0], -1)

@@ -9,5 +9,6 @@ def once(*arrays: Array) -> tuple[Array, ...]:
     """Arrays of one shape, computed once.
 
     The CPU compiler would otherwise fuse what they are made of into each of their users, and compute it anew there.
+    Args: arrays, of one shape.
     """
     return jnp.unstack(optimization_barrier(jnp.stack(arrays)))

@@ -29,17 +29,20 @@ def quintic(
 
 
 def smoothstep(u: Array) -> Array:
-    """The cubic that rises from 0 to 1 with u, flat at both ends."""
+    """The cubic that rises from 0 to 1 with u, flat at both ends. Args: u, 0 to 1."""
     return u * u * (3 - 2 * u)
 
 
 def smoother_step(u: Array) -> Array:
-    """The quintic that rises from 0 to 1 with u, flat and straight at both ends."""
+    """The quintic that rises from 0 to 1 with u, flat and straight at both ends. Args: u, 0 to 1."""
     return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
 def evaluate(coefficients: tuple[Array, ...], t: Array) -> tuple[Array, Array, Array]:
-    """Value, first and second derivative of a polynomial at t, elementwise (Eq. 16, by Horner's rule)."""
+    """Value, first and second derivative of a polynomial at t, elementwise (Eq. 16, by Horner's rule).
+
+    Args: coefficients, from the constant upwards; t, of their shape.
+    """
     value = first = second = jnp.zeros_like(t)
     for c in reversed(coefficients):
         second = second * t + 2 * first

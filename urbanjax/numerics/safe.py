@@ -15,18 +15,21 @@ from urbanjax.numerics import lean
 
 
 def sqrt(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """Square root of max(x, 0), with derivative 0 at and below 0."""
+    """Square root of max(x, 0), with derivative 0 at and below 0. Args: x [*s]."""
     positive = x > 0
     return lean.where(positive, jnp.sqrt(lean.where(positive, x, 1.0)), 0.0)
 
 
 def norm(x: Float[Array, "*s d"]) -> Float[Array, "*s"]:
-    """Euclidean norm over the last axis, with derivative 0 at the zero vector."""
+    """Euclidean norm over the last axis, with derivative 0 at the zero vector. Args: x [*s, d]."""
     return sqrt(jnp.sum(x * x, axis=-1))
 
 
 def divide(numerator: Array, denominator: Array, *, otherwise: float = 0.0) -> Array:
-    """Numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0."""
+    """Numerator / denominator, and `otherwise` (with derivative 0) where the denominator is 0.
+
+    Args: numerator and denominator, of shapes that broadcast; otherwise, a number.
+    """
     usual = denominator != 0
     quotient = numerator / lean.where(usual, denominator, 1.0)
     return lean.where(jnp.broadcast_to(usual, quotient.shape), quotient, otherwise)
@@ -34,7 +37,10 @@ def divide(numerator: Array, denominator: Array, *, otherwise: float = 0.0) -> A
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
 def within(x: Float[Array, "*s"], low: float, high: float) -> Float[Array, "*s"]:
-    """X held within [low, high], with derivative 1 at both ends (where `clip` has a half)."""
+    """X held within [low, high], with derivative 1 at both ends (where `clip` has a half).
+
+    Args: x [*s]; low, high, numbers.
+    """
     return lean.clip(x, low, high)
 
 
@@ -45,7 +51,7 @@ def _within_jvp(low: float, high: float, primals: tuple[Array], tangents: tuple[
 
 
 def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """atan2 with value and derivative 0 at the origin."""
+    """atan2 with value and derivative 0 at the origin. Args: y and x [*s]."""
     origin = (x == 0) & (y == 0)
     return jnp.where(origin, 0, jnp.arctan2(y, jnp.where(origin, 1, x)))
 
@@ -55,6 +61,7 @@ def arctan(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """Arctangent, in float32 by a polynomial after two half-angle steps: within 4e-7 rad, many times faster on a CPU.
 
     The steps take any argument to within tan(pi / 8), so there is no branch.
+    Args: x [*s].
     """
     if x.dtype != jnp.float32:
         return jnp.arctan(x)
@@ -78,6 +85,7 @@ def minimum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
 
     `jnp.min` looks for that entry by equality, and has the derivative 0 / 0 where the compiler computed x twice with
     different rounding.
+    Args: x, of any shape; axis, over which it is.
     """
     return jnp.min(x, axis=axis)
 
@@ -91,13 +99,16 @@ def _minimum_jvp(axis: int, primals: tuple[Array], tangents: tuple[Array]) -> tu
 
 
 def maximum(x: Float[Array, "..."], axis: int = -1) -> Float[Array, "..."]:
-    """Maximum over an axis, with the derivative of its first largest entry (see `minimum`)."""
+    """Maximum over an axis, with the derivative of its first largest entry (see `minimum`).
+
+    Args: x, of any shape; axis, over which it is.
+    """
     return -minimum(-x, axis)
 
 
 def sinc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """Sin(x) / x, with a derivative that stays accurate towards 0."""
-    small = jnp.abs(x) < 0.3
+    """Sin(x) / x, with a derivative that stays accurate towards 0. Args: x [*s]."""
+    small = jnp.abs(x) < 0.3  # below, the series is exact to rounding in float32
     square = jnp.where(small, x * x, 0.0)
     series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
     away = jnp.where(small, 1.0, x)
@@ -105,5 +116,5 @@ def sinc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
 
 
 def wrap_angle(angle: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """The angle in [-pi, pi), derivative 1 everywhere."""
+    """The angle in [-pi, pi), derivative 1 everywhere. Args: angle [*s] rad."""
     return angle - 2 * jnp.pi * jnp.floor((angle + jnp.pi) / (2 * jnp.pi))

@@ -13,7 +13,10 @@ TOGETHER = 16
 
 
 def smallest(keys: Float[Array, "*n c"], k: int) -> list[Float[Array, "*n"]]:
-    """The k smallest of the C keys, ascending; inf where there are fewer. Not differentiable; keys must not be NaN."""
+    """The k smallest of the C keys, ascending; inf where there are fewer. Not differentiable; keys must not be NaN.
+
+    Args: keys [*n, C]; k, how many.
+    """
     none = jnp.asarray(jnp.inf, keys.dtype)
     count = -(-keys.shape[-1] // TOGETHER)
     spare = [(0, 0)] * (keys.ndim - 1) + [(0, count * TOGETHER - keys.shape[-1])]
@@ -31,8 +34,8 @@ def smallest(keys: Float[Array, "*n c"], k: int) -> list[Float[Array, "*n"]]:
 def tagged(values: Float[Array, "*n"], tags: Int[Array, "*n"], *, bits: int) -> Float[Array, "*n"]:
     """Keys that sort as the values do and carry a tag in the last `bits` bits of the mantissa.
 
-    Args: values, not negative; they are rounded down to what the bits leave, and inf counts as the largest number.
-    tags, in [0, 2^bits).
+    Args: values [*n], not negative; they are rounded down to what the bits leave, and inf counts as the largest number;
+    tags [*n], in [0, 2^bits); bits, how many.
     """
     info, word = jnp.finfo(values.dtype), _word(values)
     # Away from zero, where the tag alone would be a denormal number, which some devices flush to zero.
@@ -41,7 +44,10 @@ def tagged(values: Float[Array, "*n"], tags: Int[Array, "*n"], *, bits: int) -> 
 
 
 def untagged(keys: Float[Array, "*n"], bits: int) -> tuple[Float[Array, "*n"], Int[Array, "*n"]]:
-    """The values, rounded down, and the tags of keys; of keys that stand for inf, inf and a tag without meaning."""
+    """The values, rounded down, and the tags of keys; of keys that stand for inf, inf and a tag without meaning.
+
+    Args: keys [*n], as from `tagged`; bits, of the tag.
+    """
     word, low = _word(keys), (1 << bits) - 1
     raw = lax.bitcast_convert_type(keys, word)
     largest = lax.bitcast_convert_type(jnp.asarray(jnp.finfo(keys.dtype).max, keys.dtype), word) & ~low

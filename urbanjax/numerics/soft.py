@@ -38,6 +38,7 @@ def combine(hard: Callable[[], Array], soft: Callable[[], Array], *, relaxation:
     """What the mode makes of a decision and its smooth twin, of equal shapes; `hard` passes no gradient.
 
     Both are functions without arguments, so that a mode computes only what it needs.
+    Args: hard and soft; relaxation, its mode.
     """
     if relaxation.mode == "hard":
         return jax.lax.stop_gradient(hard())
@@ -62,10 +63,11 @@ def choose(
 ) -> Float[Array, "*b n"]:
     """Weights over the last axis, summing to 1, on the smallest cost (the first one on an exact tie).
 
-    Args: cost [.., n]; scale, the difference in cost that counts as clear; mask, what may be chosen. With nothing
-    allowed the weights fall on index 0 (hard) or are uniform (soft): the caller looks at the mask.
+    Args: cost [.., n]; relaxation, hard or how soft; scale, the difference in cost that counts as clear; mask [.., n],
+    what may be chosen. With nothing allowed the weights fall on index 0 (hard) or are uniform (soft): the caller looks
+    at the mask.
     """
-    big = float(jnp.finfo(cost.dtype).max) / 4
+    big = float(jnp.finfo(cost.dtype).max) / 4  # sums and differences of it stay finite
 
     def first() -> Array:
         return jax.nn.one_hot(jnp.argmin(_masked(cost, mask, big), axis=-1), cost.shape[-1], dtype=cost.dtype)
@@ -80,7 +82,11 @@ def choose(
 def above(
     x: Float[Array, "*s"], threshold: float | Array, relaxation: Relaxation, scale: float | Array = 1.0
 ) -> Float[Array, "*s"]:
-    """Degree in [0, 1] to which x > threshold. Args: scale, the margin that counts as clear, in the unit of x."""
+    """Degree in [0, 1] to which x > threshold.
+
+    Args: x [*s]; threshold, in the unit of x; relaxation, hard or how soft; scale, the margin that counts as clear, in
+    the unit of x.
+    """
     return combine(
         lambda: (x > threshold).astype(x.dtype),
         lambda: jax.nn.sigmoid((x - threshold) / (relaxation.temperature * scale)),
@@ -99,6 +105,8 @@ def minimum(
     """The minimum over the last axis, or -T log sum exp(-values / T), a lower bound within T log n.
 
     `fill` stands in for masked entries, and is the value when all are masked.
+    Args: values [.., n]; relaxation, hard or how soft; scale, the difference that counts as clear; mask [.., n],
+    entries that count; fill, in the unit of the values.
     """
     masked = _masked(values, mask, fill)
     if relaxation.mode == "hard":
@@ -113,9 +121,10 @@ def minimum(
 
 
 def mixed(weights: Float[Array, "n"], values: T) -> T:
-    """Every leaf weighted over its first axis, all of them in one product. Args: weights, summing to 1.
+    """Every leaf weighted over its first axis, all of them in one product.
 
     Taken relative to the first of the values: large coordinates lose no precision.
+    Args: weights [n], summing to 1; values, any pytree with first axis n.
     """
     first, apart = ravel_pytree(jax.tree.map(lambda x: x[0], values))
     each = jax.vmap(lambda one: ravel_pytree(one)[0])(values)
@@ -124,15 +133,15 @@ def mixed(weights: Float[Array, "n"], values: T) -> T:
 
 
 def both(a: Array, b: Array) -> Array:
-    """Degree of (a and b)."""
+    """Degree of (a and b). Args: a, b, degrees."""
     return a * b
 
 
 def either(a: Array, b: Array) -> Array:
-    """Degree of (a or b)."""
+    """Degree of (a or b). Args: a, b, degrees."""
     return a + b - a * b
 
 
 def negate(a: Array) -> Array:
-    """Degree of (not a)."""
+    """Degree of (not a). Args: a, a degree."""
     return 1 - a

@@ -18,38 +18,38 @@ IDENTITY = (1, 0, 0, 1, 0, 1)
 
 
 def pack(matrix: Float[Array, "*n 3 3"]) -> Float[Array, "6 *n"]:
-    """The six entries of symmetric matrices."""
+    """The six entries of symmetric matrices. Args: matrix [*n, 3, 3]."""
     return jnp.stack([matrix[..., i, j] for i, j in ENTRIES])
 
 
 def unpack(s: Float[Array, "6 *n"]) -> Float[Array, "*n 3 3"]:
-    """The full matrices."""
+    """The full matrices. Args: s [6, *n]."""
     return jnp.stack([jnp.stack([s[PLACE[i][j]] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
 
 
 def outer(v: Float[Array, "3 *n"]) -> Float[Array, "6 *n"]:
-    """The outer product v v'."""
+    """The outer product v v'. Args: v [3, *n]."""
     return jnp.stack([v[i] * v[j] for i, j in ENTRIES])
 
 
 def product(s: Float[Array, "6 *n"], v: Float[Array, "3 *n"]) -> Float[Array, "3 *n"]:
-    """S v."""
+    """S v. Args: s [6, *n]; v [3, *n]."""
     return jnp.stack([sum((s[PLACE[i][j]] * v[j] for j in range(1, 3)), s[PLACE[i][0]] * v[0]) for i in range(3)])
 
 
 def inner(a: Float[Array, "3 *n"], b: Float[Array, "3 *n"]) -> Float[Array, "*n"]:
-    """a'b, written out."""
+    """a'b, written out. Args: a, b [3, *n]."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def determinant(s: Float[Array, "6 *n"]) -> Float[Array, "*n"]:
-    """The determinants."""
+    """The determinants. Args: s [6, *n]."""
     xx, xy, xz, yy, yz, zz = s
     return xx * (yy * zz - yz * yz) + xy * (xz * yz - xy * zz) + xz * (xy * yz - xz * yy)
 
 
 def inverse(s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
-    """The inverses by the adjugate; 0 where the determinant is 0."""
+    """The inverses by the adjugate; 0 where the determinant is 0. Args: s [6, *n]."""
     xx, xy, xz, yy, yz, zz = s
     adjugate = jnp.stack(
         [
@@ -65,20 +65,26 @@ def inverse(s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
 
 
 def congruence(r: Float[Array, "3 3"], s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
-    """R S R' for one R."""
+    """R S R' for one R. Args: r [3, 3]; s [6, *n]."""
     half = [[sum((r[i, k] * s[PLACE[k][j]] for k in range(1, 3)), r[i, 0] * s[j]) for j in range(3)] for i in range(3)]
     return jnp.stack([sum((half[i][k] * r[j, k] for k in range(1, 3)), half[i][0] * r[j, 0]) for i, j in ENTRIES])
 
 
 def eigenvalues(s: Float[Array, "6 *n"]) -> Float[Array, "3 *n"]:
-    """The eigenvalues in ascending order, by Cardano's formula. Not differentiable where two are equal."""
+    """The eigenvalues in ascending order, by Cardano's formula. Not differentiable where two are equal.
+
+    Args: s [6, *n].
+    """
     mean, size, bend = _invariants(s)
     low, high = _third(-bend)[None], _third(bend)[None]
     return mean[None] + 2 * size[None] * (_column((-1, 1, 0), mean) * low + _column((0, -1, 1), mean) * high)
 
 
 def smallest_eigenvector(s: Float[Array, "6 *n"]) -> Float[Array, "3 *n"]:
-    """The unit eigenvector of the smallest eigenvalue, of either sign; the z axis where all directions are alike."""
+    """The unit eigenvector of the smallest eigenvalue, of either sign; the z axis where all directions are alike.
+
+    Args: s [6, *n].
+    """
     mean, size, bend = _invariants(s)
     low = mean - 2 * size * _third(-bend)
     xx, xy, xz, yy, yz, zz = s - _column(IDENTITY, low) * low[None]

@@ -25,7 +25,7 @@ class Tree:
 
 
 def depth(points: int) -> int:
-    """Levels of boxes above the leaves, so that the highest holds at most TOP boxes."""
+    """Levels of boxes above the leaves, so that the highest holds at most TOP boxes. Args: points, their number."""
     levels, size = 1, FAN
     while points > TOP * size:
         levels, size = levels + 1, size * FAN
@@ -33,7 +33,11 @@ def depth(points: int) -> int:
 
 
 def build(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, levels: int, passes: int = 2) -> Tree:
-    """The tree of the valid points. Args: levels of boxes, at least 1; passes of sorting (see `hilbert.order`)."""
+    """The tree of the valid points.
+
+    Args: points [d, N]; valid [N], points that count; levels of boxes, at least 1; passes of sorting (see
+    `hilbert.order`).
+    """
     d, n = points.shape
     order = hilbert.order(points, valid, passes=passes)
     size = FAN**levels
@@ -49,7 +53,7 @@ def build(points: Float[Array, "d n"], valid: Bool[Array, " n"], *, levels: int,
 
 
 def at(table: Shaped[Array, "n *s"], index: Int[Array, "*m"]) -> Array:
-    """Rows of a table, without the checks for places outside it."""
+    """Rows of a table, without the checks for places outside it. Args: table [n, *s]; index [*m]."""
     return table.at[index].get(mode="clip", wrap_negative_indices=False)
 
 

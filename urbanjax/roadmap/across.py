@@ -11,6 +11,7 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.links import beside, foot
 from urbanjax.types import pytree
 
+TINY = 1e-6  # m^2, keeps a link whose ends meet from dividing by 0
 OVERHANG = 1.5  # m beyond the end of a lane to which it still counts as beside a point
 ADJACENT = (0.5, 1.6)  # times the lane width: lateral distance of an oncoming lane that is next to a lane
 SAME_GROUND = 0.35  # times the lane width: lateral distance of an oncoming lane on the same ground
@@ -63,7 +64,8 @@ def lanes_across(
     Neighbours in the same direction, as far as they go, and beside the leftmost of them the nearest oncoming lane. A
     lane in the same direction whose ground an oncoming lane uses too is marked as oncoming. Where there is no lane,
     offset and width go on as if there were another one of the same width.
-    Args: link and station [m], the lane that the points are on or near; lanes, Q (odd).
+    Args: graph, the road graph; link and station [N] m, the lane that the points are on or near; position [N, 2] m;
+    heading [N] rad; lanes, Q (odd).
     """
     beyond = jnp.maximum(jnp.maximum(station - graph.length[link], -station), 0)
     view = _View(graph, position, heading, beyond + OVERHANG)
@@ -96,7 +98,7 @@ def _oncoming(view: _View, lane: _Lane) -> tuple[_Lane, Array]:
     graph, other = view.graph, view.graph.opposite[lane.link]
     start = graph.centre[other, 0]
     chord = graph.centre[other, -1] - start
-    share = jnp.sum((view.position[:, None] - start) * chord, -1) / jnp.maximum(jnp.sum(chord * chord, -1), 1e-6)
+    share = jnp.sum((view.position[:, None] - start) * chord, -1) / jnp.maximum(jnp.sum(chord * chord, -1), TINY)
     position = jnp.broadcast_to(view.position[:, None], chord.shape)
     heading = jnp.broadcast_to(view.heading[:, None], share.shape)
     at = foot(graph, other, guess=jnp.clip(share, 0, 1) * graph.length[other], position=position, heading=heading)

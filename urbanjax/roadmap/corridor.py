@@ -12,6 +12,10 @@ from urbanjax.roadmap.reference import ReferenceRow, Walk, rows, unwrapped, walk
 from urbanjax.roadmap.route import Route
 from urbanjax.types import RoadError, pytree, static
 
+BLENDED = 0.15  # share of a lane change, at its start and its end, in which the lane that is nearer decides alone
+SLACK = 1.01  # by which the reference line may be longer than the links that it covers
+CHUNKS = 512, 16  # stations and stop lines: sizes are multiples, so that routes share a program
+
 
 @pytree
 class Corridor:
@@ -72,6 +76,7 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
 
     Beyond the end of the route the reference line goes straight on and `valid` is false. A route of more than N
     stations is cut off there, while `length` is still its own. Raises RoadError on impossible sizes.
+    Args: graph, the road graph; route, through it.
     """
     if params.lanes % 2 == 0 or params.n_stations < 2 or not params.spacing > 0:
         raise RoadError(f"lanes must be odd, n_stations 2 or more and spacing positive, not {params}")
@@ -119,11 +124,17 @@ def sized(graph: RoadGraph, route: Route, *, params: CorridorParams, margin: flo
     """`params` with room for the whole route, `margin` metres beyond its end, and all its stop lines (host side).
 
     Sizes are rounded up, so that routes of similar length share one compiled program.
+    Args: graph, the road graph; route, through it; margin m.
     """
     path = walk(graph, route)
     stops = int(np.sum(np.asarray(graph.has_signal[route.link] & route.valid[:, None])))
-    n = int(np.ceil((float(path.total) * 1.01 + margin) / params.spacing))
-    return params.replace(n_stations=-(-n // 512) * 512, n_stops=max(-(-stops // 16) * 16, 16))
+    n = int(np.ceil((float(path.total) * SLACK + margin) / params.spacing))
+    return params.replace(n_stations=_rounded(n, CHUNKS[0]), n_stops=max(_rounded(stops, CHUNKS[1]), CHUNKS[1]))
+
+
+def _rounded(n: int, chunk: int) -> int:
+    """The next multiple of the chunk."""
+    return -(-n // chunk) * chunk
 
 
 def _station(u: Array, grid: Array, arc: Array) -> Array:
@@ -141,7 +152,7 @@ def _lanes(graph: RoadGraph, path: Walk, row: ReferenceRow, lanes: int) -> Lanes
     across = lanes_across(graph, links, station=stations, position=positions, heading=headings, lanes=lanes)
     a, b = (jax.tree.map(lambda x, i=i: jnp.split(x, 2)[i], across) for i in range(2))
     w = row.weight[:, None]
-    early, late = w < 0.15, w > 0.85
+    early, late = w < BLENDED, w > 1 - BLENDED
     nearer = jax.tree.map(lambda x, y: jnp.where(w < 0.5, x, y), a, b)
     return nearer.replace(
         offset=(1 - w) * a.offset + w * b.offset,
@@ -166,6 +177,7 @@ def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParam
     """The W stations from `behind` metres behind `station`; at the ends of the table, the first or last W.
 
     Piecewise constant in the station; whatever is read from the window by station does not depend on where it begins.
+    Args: corridor, along the whole route; station m from its start.
     """
     size = corridor.station.shape[0]
     steps = (station - params.behind - corridor.station[0]) / corridor.spacing

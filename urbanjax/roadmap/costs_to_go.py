@@ -39,7 +39,7 @@ def cost_to_go(
     changes: bool = True,
     blocked: Bool[Array, "l"] | None = None,
 ) -> Float[Array, "l"]:
-    """`costs_to_go` for one goal."""
+    """`costs_to_go` for one goal. Args: goal, a link; graph, changes, blocked, as there."""
     return costs_to_go(graph, jnp.asarray(goal, jnp.int32)[None], params=params, changes=changes, blocked=blocked)[0]
 
 
@@ -55,7 +55,8 @@ def costs_to_go(
 
     Eq. 12 read as a minimum over link sequences; the lexicographic search's cost is that of the fewest changes. Not
     differentiable (a loop to the fixpoint).
-    Args: goals, links; changes, whether lane changes are allowed at all; blocked, links that cannot be driven.
+    Args: graph, the road graph; goals [G], links; changes, whether lane changes are allowed at all; blocked [L], links
+    that cannot be driven (None: none).
     """
     params = RouteParams() if params is None else params
     ways, rank, n_heads = _heads_first(moves(graph, params, changes=changes, blocked=blocked))

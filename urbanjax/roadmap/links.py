@@ -11,6 +11,9 @@ from urbanjax.numerics import lean, safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import pytree
 
+LEAST_SLOPE = 0.2  # cosine between normal and link below which Newton's method takes shorter steps
+LEAST_SCALE = 0.2  # m per m of link, likewise near the centre of curvature
+
 
 @pytree
 class LinkPoint:
@@ -47,6 +50,7 @@ def sample(graph: RoadGraph, link: Int[Array, "*q"], *, station: Float[Array, "*
 
     The position is the cubic Hermite curve of the tabulated positions and headings; the rest is linear. Continuous and
     differentiable in the station.
+    Args: graph, the road graph; link [*q]; station [*q] m.
     """
     return _sample(*_nodes(graph, link), station)
 
@@ -89,6 +93,8 @@ def foot(
 
     Newton's method from the station `guess` [m]; for lanes that run along or against the heading. The foot may lie
     beyond the ends of the link, which goes straight on there.
+    Args: graph, the road graph; link [*q]; guess [*q] m; position [*q, 2] m; heading [*q] rad; iterations of the
+    search.
     """
     table = _nodes(graph, link)
     tangent = jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
@@ -98,7 +104,7 @@ def foot(
     def improve(_: Any, now: Foot) -> Foot:
         point = _sample(*table, now.station)
         slope = jnp.cos(point.heading - heading)
-        slope = jnp.where(slope < 0, -1, 1) * jnp.maximum(jnp.abs(slope), 0.2)
+        slope = jnp.where(slope < 0, -1, 1) * jnp.maximum(jnp.abs(slope), LEAST_SLOPE)
         away = point.position - position
         station = now.station - jnp.sum(away * tangent, axis=-1) / slope
         return Foot(station, jnp.sum(away * normal, axis=-1), point.heading, point.width)
@@ -117,6 +123,7 @@ def project(
     """The nearest place to each position [m] on each link, by Newton's method from the station `guess` [m].
 
     The station stays within the ends of the link; differentiable in the position.
+    Args: graph, the road graph; link [*q]; guess [*q] m; position [*q, 2] m; iterations of the search.
     """
     table, end = _nodes(graph, link), graph.length[link]
 
@@ -127,7 +134,7 @@ def project(
         x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
         along, aside = cos * x + sin * y, cos * y - sin * x
         found = Projected(station, aside, point.heading, safe.sqrt(along**2 + aside**2))
-        step = along / frenet.scale(point.curvature, aside, least=0.2)
+        step = along / frenet.scale(point.curvature, aside, least=LEAST_SCALE)
         return lean.clip(station + step, 0.0, end), found
 
     return lax.fori_loop(0, iterations, improve, (guess, Projected(guess, guess, guess, guess)))[1]
@@ -136,7 +143,10 @@ def project(
 def beside(
     graph: RoadGraph, link: Int[Array, "*q"], *, station: Float[Array, "*q"], left: Bool[Array, "*q"]
 ) -> Float[Array, "*q"]:
-    """Station [m] on the left (or else right) neighbour beside each station [m], from the graph's station maps."""
+    """Station [m] on the left (or else right) neighbour beside each station [m], from the graph's station maps.
+
+    Args: graph, the road graph; link [*q]; station [*q] m on it; left [*q], which side is meant.
+    """
     last = graph.centre.shape[1] - 1
     steps = jnp.clip(station * last / graph.length[link], 0, last)
     k = jnp.clip(jnp.floor(steps).astype(int), 0, last - 1)

@@ -10,6 +10,7 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.links import project
 from urbanjax.types import pytree, static
 
+TINY = 1e-6  # m^2, keeps chords of length 0 from dividing by 0
 FAR = 1e6  # m, the distance of a link that does not count
 
 
@@ -53,6 +54,8 @@ def locate(
     previous one are preferred, and that one itself is kept until another is clearly nearer. A hard choice: `link` is
     not differentiable and jumps between lanes; station, offset and heading error are differentiable in the pose on
     the chosen lane. Coarse to fine: distance to a few chords of every link, then exact projection on the best k.
+    Args: graph, the road graph; position [N, 2] m; heading [N] rad; previous, the locations a step earlier (None:
+    nothing is known).
     """
     params = LocateParams() if params is None else params
     penalty = _penalty(graph, previous, params, position)
@@ -74,6 +77,7 @@ def misfit(
     """How badly each pose fits each link [m]: its distance, and what its heading costs; FAR for padding.
 
     What `locate` chooses by, without continuity: for those who choose among whole sequences of links.
+    Args: graph, the road graph; position [N, 2] m; heading [N] rad.
     """
     links = jnp.broadcast_to(jnp.arange(graph.length.shape[0]), (position.shape[0], graph.length.shape[0]))
     _, distance, angle = _nearest(graph, links, position)
@@ -112,7 +116,7 @@ def _coarse(graph: RoadGraph, position: Array, heading: Array, params: LocatePar
     last = graph.centre.shape[1] - 1
     corner = graph.centre[:, jnp.array([round(last * k / params.chords) for k in range(params.chords + 1)])]
     start, chord = corner[:, :-1], corner[:, 1:] - corner[:, :-1]
-    size = jnp.maximum(jnp.sum(chord * chord, axis=-1), 1e-6)[None]
+    size = jnp.maximum(jnp.sum(chord * chord, axis=-1), TINY)[None]
     direction = chord / jnp.sqrt(size[0])[..., None]
     cos = (
         jnp.cos(heading)[:, None, None] * direction[None, ..., 0]
@@ -132,7 +136,7 @@ def _nearest(graph: RoadGraph, links: Int[Array, "n k"], position: Array) -> tup
     line = graph.centre[links]
     a, d = line[:, :, :-1], line[:, :, 1:] - line[:, :, :-1]
     r = position[:, None, None] - a
-    t = jnp.clip(jnp.sum(r * d, axis=-1) / jnp.maximum(jnp.sum(d * d, axis=-1), 1e-6), 0, 1)
+    t = jnp.clip(jnp.sum(r * d, axis=-1) / jnp.maximum(jnp.sum(d * d, axis=-1), TINY), 0, 1)
     square = jnp.sum((r - t[..., None] * d) ** 2, axis=-1)
     i = jnp.argmin(square, axis=-1)[..., None]
     t, square = (jnp.take_along_axis(x, i, axis=-1)[..., 0] for x in (t, square))

@@ -11,6 +11,7 @@ FARTHEST = 6.0  # m from a link's centre line, beyond which nobody is on it
 CLOSE = 3.0  # m, within which a place may be on a link
 ALONG = LocateParams(heading_weight=4.0, heading_penalty=0.0)  # m per squared rad, however far off
 ANYHOW = LocateParams(heading_weight=0.0, heading_penalty=0.0)
+HOP = 0.01  # m, for each link that is passed
 JUMP = 1e3  # m, for going on on a link that does not follow
 SIDE = 3.0  # m, for a change of lanes
 HOPS = 3  # links that may be passed between two records
@@ -20,7 +21,7 @@ PADDED = 64  # poses are looked at in multiples of so many, so that few programs
 def match(graph: RoadGraph, position: np.ndarray, *, heading: np.ndarray) -> np.ndarray | None:
     """Link of each of T poses, the cheapest sequence by distance and connection (Viterbi); None off the road.
 
-    Args: position [T, 2] m, heading [T] rad.
+    Args: graph, the road graph; position [T, 2] m; heading [T] rad.
     """
     cost = _fits(graph, position, heading, ALONG)
     if (cost.min(1) > FARTHEST).any():
@@ -39,7 +40,10 @@ def match(graph: RoadGraph, position: np.ndarray, *, heading: np.ndarray) -> np.
 
 
 def near(graph: RoadGraph, position: np.ndarray, *, heading: float | None) -> list[int]:
-    """Links within 3 m of a place [2] (m) and along its heading (rad, None: any), the best fit first."""
+    """Links within 3 m of a place [2] (m) and along its heading (rad, None: any), the best fit first.
+
+    Args: graph, the road graph; position [2] m; heading rad (None: any).
+    """
     fits = _fits(graph, position[None], np.array([heading or 0.0]), ANYHOW if heading is None else ALONG)[0]
     return [int(link) for link in np.argsort(fits, kind="stable") if fits[link] < CLOSE]
 
@@ -66,7 +70,7 @@ def _transitions(graph: RoadGraph) -> np.ndarray:
     reach = np.eye(n, dtype=bool)
     for hop in range(1, HOPS + 1):
         reach = (reach.astype(int) @ step.astype(int)) > 0
-        cost = np.minimum(cost, np.where(reach, 0.01 * hop, JUMP))
+        cost = np.minimum(cost, np.where(reach, HOP * hop, JUMP))
     for side, there in ((graph.left_link, graph.has_left), (graph.right_link, graph.has_right)):
         rows = np.flatnonzero(np.asarray(there))
         for row in rows:

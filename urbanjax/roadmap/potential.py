@@ -22,6 +22,7 @@ def potential(moves: Moves, goal: Int[Array, ""]) -> Potential:
     """The fixpoint of the min-plus relaxation towards the goal.
 
     A move is kept until a strictly better one is found, so that moves never form a cycle, not even at zero penalty.
+    Args: moves, the ways to leave each link; goal, a link.
     """
     at_goal = jnp.arange(len(moves.drive)) == goal
     start = Potential(

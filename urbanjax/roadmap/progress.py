@@ -10,6 +10,9 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.types import pytree
 
 AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
+LEAST_SCALE = 0.1  # m per m of reference line: what is beyond the centre of curvature stays finite
+LEAST_STEP_SCALE = 0.2  # likewise in a step of Newton's method
+REACH = 3  # stations
 SEARCH_STEPS = 3  # of Newton's method, before the two that are differentiated
 LATER = 1e-4  # m^2 per m of station, likewise: of several laps the first one counts
 
@@ -42,6 +45,7 @@ def sample(corridor: Corridor, station: Float[Array, "*n"]) -> Sample:
 
     Position, heading, curvature, offsets, widths and speed limit are continuous in the station; flags are those of the
     nearest row. Beyond the table the reference line goes straight on and the lanes beside it.
+    Args: corridor, the whole or a window of it; station [*n] m.
     """
     flags = jnp.concatenate([corridor.has_lane, corridor.oncoming], axis=-1).astype(station.dtype)
     columns = (corridor.lane_offset, corridor.lane_width, corridor.curvature, corridor.speed_limit, flags)
@@ -68,7 +72,8 @@ def to_world(
 ) -> tuple[Float[Array, "*n 2"], Float[Array, "*n"], Float[Array, "*n"]]:
     """Positions [m], headings of the reference line [rad] and curvatures of the parallel curve [1/m].
 
-    Args: station [m]; offset d [m], left positive, constant along the curve, whose curvature is kappa / (1 - kappa d).
+    Args: corridor, the whole or a window of it; station [*n] m; offset d [*n] m, left positive, constant along the
+    curve, whose curvature is kappa / (1 - kappa d).
     """
     at = frenet.sample(
         corridor.position,
@@ -78,7 +83,7 @@ def to_world(
         spacing=corridor.spacing,
         station=station,
     )
-    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, least=0.1)
+    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, least=LEAST_SCALE)
 
 
 def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[Array, ""]) -> Progress:
@@ -88,13 +93,14 @@ def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[
     heading count as farther off, so that a road which comes back beside itself is not mistaken, and of several laps the
     first one is taken. Continuous and differentiable in the pose up to the centre of curvature; the choice of the
     starting station is not differentiated.
+    Args: corridor, the whole or a window of it; position [2] m; heading [] rad.
     """
     line, last = _line(corridor), corridor.station.shape[0] - 1
     x, y = position
     miss = (x - corridor.position[:, 0]) ** 2 + (y - corridor.position[:, 1]) ** 2
     miss = miss + LATER * (corridor.station - corridor.station[0])
     k = jnp.argmin(miss + AGAINST * (1 - jnp.cos(heading - corridor.heading)))
-    reach = 3 * corridor.spacing  # off a bend's inner side Newton's method may not run away along the road
+    reach = REACH * corridor.spacing  # off a bend's inner side Newton's method may not run away along the road
     station = corridor.station[k]
     low = jnp.where(k == 0, -jnp.inf, station - reach)
     high = jnp.where(k == last, jnp.inf, station + reach)
@@ -107,7 +113,7 @@ def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[
         place = frenet.locate(line, station)
         at = frenet.read(place)
         along, aside = at.cos * (x - at.x) + at.sin * (y - at.y), at.cos * (y - at.y) - at.sin * (x - at.x)
-        following = station + along / frenet.scale(place.bend, aside, least=0.2)
+        following = station + along / frenet.scale(place.bend, aside, least=LEAST_STEP_SCALE)
         return lean.clip(following, low, high), Progress(station, aside, at.heading)
 
     _, found = lax.fori_loop(0, SEARCH_STEPS + 3, improve, (station, Progress(station, station, station)))

@@ -11,6 +11,9 @@ from urbanjax.roadmap.links import beside, foot, sample
 from urbanjax.roadmap.route import Route
 from urbanjax.types import pytree
 
+SHORTEST = 1e-3  # m, of a lane change: keeps its slope finite
+STEEPEST = 1.0  # rad between two lanes up to which the one drifts from the other
+
 
 @pytree
 class Walk:
@@ -46,7 +49,7 @@ class ReferenceRow:
 
 
 def walk(graph: RoadGraph, route: Route) -> Walk:
-    """The parts of the links that make up the reference line."""
+    """The parts of the links that make up the reference line. Args: graph, the road graph; route, through it."""
     following = jnp.concatenate([route.link[1:], route.link[-1:]])
     change = route.change & route.valid
     left = graph.has_left[route.link] & (graph.left_link[route.link] == following)
@@ -76,13 +79,14 @@ def rows(graph: RoadGraph, path: Walk, *, u: Float[Array, "n"], blend_length: fl
 
     A lane change takes `blend_length` metres (less where its part of the link is shorter) in the middle of that part,
     as a quintic smoothstep of the lateral offset from the lane that is left.
+    Args: graph, the road graph; path, the parts of its links; u [N] m; blend_length [] m.
     """
     end = path.begin + path.part
     r = jnp.minimum(jnp.searchsorted(end, u, side="right"), path.last)
     link, other, change = path.link[r], path.following[r], path.change[r]
     along = u - path.begin[r]
     station = path.start[r] + along
-    reach = jnp.maximum(jnp.minimum(blend_length, path.part[r]), 1e-3)
+    reach = jnp.maximum(jnp.minimum(blend_length, path.part[r]), SHORTEST)
     t = jnp.where(change, jnp.clip((along - path.part[r] / 2) / reach + 0.5, 0, 1), 0)
     weight = t**3 * (10 - 15 * t + 6 * t * t)
     slope = 30 * (t * (1 - t)) ** 2 / reach
@@ -98,7 +102,7 @@ def rows(graph: RoadGraph, path: Walk, *, u: Float[Array, "n"], blend_length: fl
     )
     away = jnp.where(change, there.offset, 0)
     turned = safe.wrap_angle(there.heading - here.heading)
-    drift = jnp.where(change, jnp.tan(jnp.clip(turned, -1, 1)) * (1 - here.curvature * away), 0)
+    drift = jnp.where(change, jnp.tan(jnp.clip(turned, -STEEPEST, STEEPEST)) * (1 - here.curvature * away), 0)
     offset, offset_slope = weight * away, slope * away + weight * drift
     heading, curvature = frenet.offset_curve(
         here.heading, here.curvature, offset=offset, slope=offset_slope, bend=bend * away + 2 * slope * drift
@@ -116,6 +120,9 @@ def rows(graph: RoadGraph, path: Walk, *, u: Float[Array, "n"], blend_length: fl
 
 
 def unwrapped(heading: Float[Array, "n"]) -> Float[Array, "n"]:
-    """Headings [rad] without jumps of 2 pi; whole turns are counted as integers, so no rounding builds up."""
+    """Headings [rad] without jumps of 2 pi; whole turns are counted as integers, so no rounding builds up.
+
+    Args: heading [N] rad.
+    """
     turns = jnp.round((heading[:-1] - heading[1:]) / (2 * jnp.pi)).astype(jnp.int32)
     return heading + 2 * jnp.pi * jnp.pad(jnp.cumsum(turns), (1, 0)).astype(heading.dtype)

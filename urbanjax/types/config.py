@@ -19,7 +19,7 @@ FORBIDDEN = "_target_"  # a config names values, never code
 
 
 def default_of(spec: dataclasses.Field) -> Any:
-    """The default of one field. Raises ConfigError when its class gives none."""
+    """The default of one field. Raises ConfigError when its class gives none. Args: spec, a field of a params class."""
     if spec.default is not dataclasses.MISSING:
         return spec.default
     if spec.default_factory is not dataclasses.MISSING:
@@ -31,6 +31,7 @@ def schema(params_class: type) -> dict[str, Any]:
     """Nested dict of the defaults of `params_class`, in plain values that YAML can hold.
 
     A field that is handed down (`types.struct.HANDED_DOWN`) is no key: whoever holds the params fills it in.
+    Args: params_class, with a default for each field.
     """
     return {spec.name: _plain(default_of(spec)) for spec in stated(params_class)}
 
@@ -58,7 +59,10 @@ def _plain(value: Any) -> Any:
 
 
 def keys(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Dotted names of all groups and values of a nested config."""
+    """Dotted names of all groups and values of a nested config.
+
+    Args: tree, nested groups and values; prefix, of their names.
+    """
     for name, value in tree.items():
         yield f"{prefix}{name}"
         if isinstance(value, Mapping):
@@ -66,7 +70,10 @@ def keys(tree: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def nearest(key: str, valid: Iterable[str]) -> str:
-    """The valid dotted key that looks most like `key`, as a clause for a message; empty when there is none."""
+    """The valid dotted key that looks most like `key`, as a clause for a message; empty when there is none.
+
+    Args: key, dotted; valid, dotted keys.
+    """
     valid = list(valid)
     last = [name for name in valid if name.rpartition(".")[2] == key.rpartition(".")[2]]
     found = difflib.get_close_matches(key, last or valid, n=1, cutoff=0.0)
@@ -76,7 +83,8 @@ def nearest(key: str, valid: Iterable[str]) -> str:
 def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], *, source: str = "", prefix: str = "") -> None:
     """Raise ConfigError for the first key of `config` that `valid` does not have, with the nearest one that it has.
 
-    Args: source, the file or command that the config came from; prefix, dotted path of both mappings.
+    Args: config, nested values; valid, nested values with all the keys there are; source, the file or command that the
+    config came from; prefix, dotted path of both mappings.
     """
     root = list(keys(valid, prefix))
     where = f" in {source}" if source else ""
@@ -93,9 +101,10 @@ def check_keys(config: Mapping[str, Any], valid: Mapping[str, Any], *, source: s
 def to_params(params_class: type[T], config: Mapping[str, Any], *, prefix: str = "", source: str = "") -> T:
     """An instance of `params_class` with the values of `config`; what it leaves out keeps its default.
 
-    Args: config, nested plain values; prefix, dotted path of `config` for messages (ends in a dot); source, the
-    file it came from. Raises ConfigError in one line for an unknown key (with the nearest valid one), a wrong
-    type, a non-finite number, a negative size, a value out of the field's range and an empty grid.
+    Args: params_class, with a default for each field; config, nested plain values; prefix, dotted path of `config` for
+    messages (ends in a dot); source, the file it came from. Raises ConfigError in one line for an unknown key (with the
+    nearest valid one), a wrong type, a non-finite number, a negative size, a value out of the field's range and an
+    empty grid.
     """
     check_keys(config, schema(params_class), source=source, prefix=prefix)
     return updated(params_class(), config, prefix=prefix)

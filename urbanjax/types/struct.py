@@ -12,7 +12,10 @@ field = flax.struct.field
 
 
 def static(**kwargs: Any) -> Any:
-    """A field that is part of the pytree's structure (sizes, modes): changing it compiles anew."""
+    """A field that is part of the pytree's structure (sizes, modes): changing it compiles anew.
+
+    Args: kwargs of a flax field, such as its default.
+    """
     return flax.struct.field(pytree_node=False, **kwargs)
 
 
@@ -27,6 +30,7 @@ def pytree(cls: type[T]) -> type[T]:
 
     Its fields are exempt from run-time type checks, because under jit, vmap, grad and scan they hold tracers,
     batched arrays or placeholders. Shapes are stated in comments beside the fields.
+    Args: cls, a class with annotated fields.
     """
     return no_type_check(flax.struct.dataclass(cls))
 

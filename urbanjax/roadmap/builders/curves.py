@@ -5,6 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+NODES = 5  # of the quadrature, per step
+SAMPLES = 8  # at least so many segments of a part that is cut out
+STRAIGHT_ON = 0.1  # rad, change of the heading below which two poses are joined by a cubic
+PARALLEL = 0.05  # sine between two tangents below which they do not meet anywhere near
+SHORTEST = 0.5  # m, of the tangents of an arc between two poses
+FINE = 2, 32  # segments of a cubic: per step of its chord, and at least
+
 Piece = tuple[float, float, float]  # length m, curvature at its start and at its end 1/m (linear in between)
 
 
@@ -36,7 +43,7 @@ class Curve:
 
     def cut(self, start: float, end: float, step: float = 0.5) -> "Curve":
         """The part between two stations, its own stations starting from 0."""
-        part = self.at(np.linspace(start, end, max(int(np.ceil((end - start) / step)), 8) + 1))
+        part = self.at(np.linspace(start, end, max(int(np.ceil((end - start) / step)), SAMPLES) + 1))
         return dataclasses.replace(part, station=part.station - start)
 
     def reversed(self) -> "Curve":
@@ -52,14 +59,17 @@ class Curve:
 
 
 def normal(heading: np.ndarray) -> np.ndarray:
-    """Unit vectors [n, 2] to the left of the headings [n]."""
+    """Unit vectors [n, 2] to the left of the headings [n]. Args: heading [n] rad."""
     return np.stack([-np.sin(heading), np.cos(heading)], -1)
 
 
 def hermite(
     points: np.ndarray, heading: np.ndarray, *, step: np.ndarray, index: np.ndarray, along: np.ndarray
 ) -> np.ndarray:
-    """Positions [m, 2] that lie `along` [m] metres into the segments `index` [m], each `step` [m] metres long."""
+    """Positions [m, 2] that lie `along` [m] metres into the segments `index` [m], each `step` [m] metres long.
+
+    Args: points [n, 2] m; heading [n] rad, tangents there; step, index, along [m], one of each for every position.
+    """
     h = step[:, None]
     t = along[:, None] / h
     tangent = np.stack([np.cos(heading), np.sin(heading)], -1)
@@ -73,8 +83,11 @@ def hermite(
 
 
 def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), *, step: float = 0.25) -> Curve:
-    """The curve through the pieces (lines, arcs, clothoids), from `start` = x, y, heading."""
-    nodes, weights = np.polynomial.legendre.leggauss(5)
+    """The curve through the pieces (lines, arcs, clothoids), from `start` = x, y, heading.
+
+    Args: pieces, one after the other; start, x and y (m) and heading (rad); step m, largest distance between samples.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
     x, y, heading = start
     stations, positions, headings = [np.zeros(1)], [np.array([[x, y]])], [np.array([heading])]
     for length, k0, k1 in pieces:
@@ -95,7 +108,10 @@ def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0
 
 
 def turn(angle: float, radius: float, *, transition: float = 0.0) -> list[Piece]:
-    """Pieces that turn by `angle` [rad, left positive] on `radius` [m], with clothoids of length `transition` [m]."""
+    """Pieces that turn by `angle` [rad, left positive] on `radius` [m], with clothoids of length `transition` [m].
+
+    Args: angle rad; radius m, of the arc; transition m, shortened where the bend is.
+    """
     k = np.sign(angle) / radius
     ramp = min(transition, abs(angle) * radius)
     arc = abs(angle) * radius - ramp
@@ -106,16 +122,17 @@ def connect(start: tuple[float, float, float], end: tuple[float, float, float], 
     """A smooth curve between two poses (x, y, heading).
 
     Line, arc, line where the tangents meet ahead of the start and behind the end; otherwise a cubic.
+    Args: start and end, x and y (m) and heading (rad); step m, largest distance between samples.
     """
     a, b = np.array(start[:2]), np.array(end[:2])
     angle = (end[2] - start[2] + np.pi) % (2 * np.pi) - np.pi
     ta, tb = (np.array([np.cos(h), np.sin(h)]) for h in (start[2], end[2]))
     cross = ta[0] * tb[1] - ta[1] * tb[0]
-    if abs(angle) > 0.1 and abs(cross) > 0.05:
+    if abs(angle) > STRAIGHT_ON and abs(cross) > PARALLEL:
         d = b - a
         before = (d[0] * tb[1] - d[1] * tb[0]) / cross
         after = (ta[0] * d[1] - ta[1] * d[0]) / cross
-        if before > 0.5 and after > 0.5:
+        if before > SHORTEST and after > SHORTEST:
             reach = min(before, after)
             bend = turn(angle, reach / np.tan(abs(angle) / 2))
             return trace([(before - reach, 0.0, 0.0), *bend, (after - reach, 0.0, 0.0)], start, step=step)
@@ -125,7 +142,7 @@ def connect(start: tuple[float, float, float], end: tuple[float, float, float], 
 def _cubic(a, b, ta, tb, heading: float, step: float) -> Curve:
     """The cubic from a to b with unit tangents ta and tb, by arc length."""
     size = np.linalg.norm(b - a)
-    t = np.linspace(0.0, 1.0, max(int(np.ceil(size / step)) * 2, 32) + 1)[:, None]
+    t = np.linspace(0.0, 1.0, max(int(np.ceil(size / step)) * FINE[0], FINE[1]) + 1)[:, None]
     position = (
         (1 + 2 * t) * (1 - t) ** 2 * a + t * t * (3 - 2 * t) * b + size * (t * (1 - t) ** 2 * ta - t * t * (1 - t) * tb)
     )

@@ -13,6 +13,8 @@ from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Turn
 
 LEG = 100.0  # m, length of the legs that cross the course at intersection C
+SETBACK = 2.0  # m, of a stop line from the end of its link
+TRANSITION, SHORT_TRANSITION = 20.0, 8.0  # m, clothoids of curves, and of the turn at intersection C
 STRAIGHT, CURVE = 90.0, 60.0  # m, largest length of a link
 
 
@@ -30,7 +32,8 @@ class _Element:
     def pieces(self) -> list[Piece]:
         if self.length:
             return [(self.length, 0.0, 0.0)]
-        return turn(np.radians(self.angle), self.radius, transition=8.0 if self.area == "intersection C" else 20.0)
+        transition = SHORT_TRANSITION if self.area == "intersection C" else TRANSITION
+        return turn(np.radians(self.angle), self.radius, transition=transition)
 
 
 # In driving direction. The two lengths of 1 m are solved for, so that the course closes.
@@ -62,6 +65,7 @@ def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, *, n_points
     Lanes that the course drops end without a successor beside a lane that goes on. At C the course turns left under a
     signal, and traffic crosses from all sides. Signal ids follow the course; the last two are those of the crossing
     roads.
+    Args: lane_width m; speed_limit m/s, of all lanes; n_points, per link.
     """
     elements = _closed(COURSE)
     line = trace([piece for element in elements for piece in element.pieces()])
@@ -82,7 +86,7 @@ def district(lane_width: float = 3.5, speed_limit: float = 50 / 3.6, *, n_points
                     "right_change": False,
                 }
             if k in governed:
-                fields["signals"] = ((n_signals, length / n - 2.0),)
+                fields["signals"] = ((n_signals, length / n - SETBACK),)
             sections[len(lanes)] = fields
             lanes.append(element.lanes[k * len(element.lanes) // n])
             breaks.append(breaks[-1] + length / n)
@@ -129,7 +133,7 @@ def _cross(
     north = line.cut(breaks[corner + 1], breaks[corner + 1] + LEG).reversed()
 
     def leg(name: str, way: Curve, n: int, signal: int | None = None) -> list[LaneSpec]:
-        fields = {} if signal is None else {"signals": ((n_signals + signal, LEG - 2.0),)}
+        fields = {} if signal is None else {"signals": ((n_signals + signal, LEG - SETBACK),)}
         return corridor(name, way, breaks=[0.0, way.length], n_lanes=[n], area="cross", **fields, **common)
 
     specs = [

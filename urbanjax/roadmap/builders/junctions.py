@@ -13,6 +13,8 @@ from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
 from urbanjax.types import RoadError
 
+ROOM = 8.0  # m, for turns between the road's edge and the ends of the legs
+SETBACK = 1.0  # m, of a stop line from the end of its link
 LEGS = ("west", "south", "east", "north")  # where the four approaches come from, counter-clockwise
 
 
@@ -31,12 +33,14 @@ def intersection(
     Links: the approaches from west, south, east and north (areas "west in" ..), lanes from left to right, then the
     exits ("west out" ..), then the turns ("west left", "west straight", "west right" ..). The leftmost lane turns
     left, the rightmost right, all go straight. With signals, approach k (in the order above) has signal k; without,
-    the north-south road yields. Args: leg [m], length of each leg; size [m], half of the open square (0: as needed).
+    the north-south road yields.
+    Args: signalised, whether there are signals; n_lanes, each way; leg m, length of each leg; size m, half of the open
+    square (0: as needed); lane_width m; speed_limit m/s; n_points, per link.
     """
     if n_lanes < 1:
         raise RoadError(f"n_lanes is {n_lanes}: use 1 or more")
     check_sizes(leg=leg, lane_width=lane_width, speed_limit=speed_limit)
-    half = size or n_lanes * lane_width + 8.0
+    half = size or n_lanes * lane_width + ROOM
     if half <= n_lanes * lane_width:
         raise RoadError(f"size {size} m is within the road's own {n_lanes * lane_width} m: raise it")
     common: dict[str, Any] = {"lane_width": lane_width, "speed_limit": speed_limit}
@@ -45,7 +49,7 @@ def intersection(
         angle = 0.5 * np.pi * k
         away = np.array([np.cos(angle), np.sin(angle)])
         inward = trace([(leg, 0.0, 0.0)], (*(-(half + leg) * away), angle), step=leg / 8)
-        control = {"signals": ((k, leg - 1.0),)} if signalised else {"rule": Rule.YIELD if k % 2 else Rule.NONE}
+        control = {"signals": ((k, leg - SETBACK),)} if signalised else {"rule": Rule.YIELD if k % 2 else Rule.NONE}
         ways_in += corridor(
             f"{name} in", inward, breaks=[0.0, leg], n_lanes=[n_lanes], area=f"{name} in", **control, **common
         )
@@ -72,6 +76,7 @@ def join(specs: Sequence[LaneSpec], pairs: Sequence[tuple[Any, Any]], *, area: s
 
     Keys of the new links are (area, first key, second key). Links of neighbouring lanes are neighbours, without
     permission to change.
+    Args: specs, lanes; pairs, keys of two of them; area of the new links; fields, LaneSpec fields of all of them.
     """
     by_key = {spec.key: spec for spec in specs}
     keys = {start: (area, start, end) for start, end in pairs}

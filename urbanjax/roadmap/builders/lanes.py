@@ -15,6 +15,7 @@ from urbanjax.types import RoadError
 
 FAR = 20_000.0  # m from the origin beyond which float32 coordinates lose more than a millimetre
 CROSSING = np.radians(15.0)  # angle from which lanes cross rather than part
+ROUNDING = 1e-6  # m, by which a stop line may lie beyond its link
 AT_ONCE = 256  # pairs of lanes, held against each other point by point
 
 
@@ -175,7 +176,7 @@ def _signals(specs: Sequence[LaneSpec], length: np.ndarray) -> list[list[tuple[i
     out = []
     for spec, total in zip(specs, length, strict=True):
         row = [(g, float(total) if s is None else float(s)) for g, s in spec.signals]
-        if any(g < 0 or not 0 <= s <= total + 1e-6 for g, s in row):
+        if any(g < 0 or not 0 <= s <= total + ROUNDING for g, s in row):
             raise RoadError(
                 f"lane {spec.key!r}: a signal id is negative or its stop line is not within 0..{total:.1f} m"
             )

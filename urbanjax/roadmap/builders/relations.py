@@ -9,13 +9,16 @@ from urbanjax.roadmap.builders.curves import hermite
 from urbanjax.types import RoadError
 
 CHUNK = 256  # links at a time: bounds the memory of the all-to-all comparison
+STEPS = 4  # of Newton's method from the polyline to the curve
 SPACING = 2.0  # m, between the points by which links are compared
+LEAST_SCALE = 0.2  # m per m of line, to which a step of Newton's method near its centre of curvature is held
 COARSE = 32  # segments of a link on which the place beside a point is sought first
 PIECE = 8  # segments of a link that are compared with those of another at once
 MOST_PIECES, MOST_PAIRS = 100_000, 4_000_000  # of pieces
 SAMPLED = 0.9  # of a length measured by such points may be missing
 OPPOSED = np.cos(np.radians(150.0))  # headings further apart than this run against each other
 ADJACENT = 0.75  # times the summed widths: lateral distance up to which opposed lanes are related
+BESIDE = 10.0, 0.5  # m, or times the shorter link, whichever is less: how much of it opposed lanes run side by side
 COINCIDE = 0.1  # times the summed widths: mean lateral distance below which opposed lanes are on the same ground
 OVERLAP = 0.35  # times the summed widths: distance below which two lanes conflict
 
@@ -25,11 +28,12 @@ def project(points: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
     Returns the place as a fractional vertex index, the distance, the signed lateral offset (left positive) and
     whether the foot lies inside the polyline, each [..., M].
+    Args: points m; line m.
     """
     step = np.diff(line, axis=-2)[..., None, :, :]
     dx, dy = step[..., 0], step[..., 1]
     rx, ry = (points[..., :, None, k] - line[..., None, :-1, k] for k in range(2))
-    square = np.maximum(dx * dx + dy * dy, 1e-12)
+    square = np.maximum(dx * dx + dy * dy, 1e-12)  # m^2, keeps repeated points from dividing by 0
     free = (rx * dx + ry * dy) / square
     t = np.clip(free, 0.0, 1.0)
     gap = (rx - t * dx) ** 2 + (ry - t * dy) ** 2
@@ -40,13 +44,17 @@ def project(points: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
     k0, free = k[..., 0], pick(free)
     last = line.shape[-2] - 2
+    # A foot that misses an end by rounding alone is inside.
     inside = ~(((k0 == 0) & (free < -1e-9)) | ((k0 == last) & (free > 1 + 1e-9)))
     cross = dx * ry - dy * rx
     return k0 + pick(t), np.sqrt(pick(gap)), pick(cross / np.sqrt(square)), inside
 
 
 def neighbour_stations(centre: np.ndarray, heading: np.ndarray, *, length: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Station [L, P] on link other[l] at the foot of the perpendicular from each point of link l; its own for l."""
+    """Station [L, P] on link other[l] at the foot of the perpendicular from each point of link l; its own for l.
+
+    Args: centre [L, P, 2] m; heading [L, P] rad; length [L] m; other [L], a link beside each.
+    """
     out = length[:, None] * np.linspace(0.0, 1.0, centre.shape[1])
     beside = np.flatnonzero(other != np.arange(len(other)))
     for part in np.array_split(beside, -(-len(beside) // CHUNK)) if len(beside) else []:
@@ -62,7 +70,7 @@ def _stations(points: np.ndarray, line: np.ndarray, angle: np.ndarray, length: n
     where = np.interp(project(points, line[:, knot])[0], np.arange(len(knot)), knot).ravel()
     line, angle, points = line.reshape(-1, 2), angle.ravel(), points.reshape(-1, 2)
     first = np.repeat(np.arange(shape[0]) * (last + 1), last + 1)
-    for _ in range(4):  # the foot on the polyline starts a Newton iteration on the smooth curve through its points
+    for _ in range(STEPS):  # the foot on the polyline starts a Newton iteration on the smooth curve through its points
         k = np.minimum(where.astype(int), last - 1)
         f, i = where - k, first + k
         turned = angle[i + 1] - angle[i]
@@ -70,7 +78,7 @@ def _stations(points: np.ndarray, line: np.ndarray, angle: np.ndarray, length: n
         away = points - hermite(line, angle, step=step, index=i, along=f * step)
         along = away[:, 0] * np.cos(h) + away[:, 1] * np.sin(h)
         aside = away[:, 1] * np.cos(h) - away[:, 0] * np.sin(h)
-        where = np.clip(where + along / (step * np.maximum(1 - aside * turned / step, 0.2)), 0.0, last)
+        where = np.clip(where + along / (step * np.maximum(1 - aside * turned / step, LEAST_SCALE)), 0.0, last)
     return (where * step).reshape(shape)
 
 
@@ -90,6 +98,7 @@ def pieces(centre: np.ndarray, heading: np.ndarray, *, width: np.ndarray, length
     """The pieces of links [L, P], with the pairs that come closer than the sum of their widths.
 
     Raises RoadError where there are too many to be compared, as of lanes that lie on top of each other.
+    Args: centre [L, P, 2] m; heading [L, P] rad; width [L] m; length [L] m.
     """
     count = np.maximum(np.ceil(length / (SPACING * PIECE)), 1).astype(int)
     if count.sum() > MOST_PIECES:
@@ -135,7 +144,10 @@ class Meetings:
 
 
 def meetings(parts: Pieces, width: np.ndarray, *, length: np.ndarray) -> Meetings:
-    """How the links of all near pairs lie to each other."""
+    """How the links of all near pairs lie to each other.
+
+    Args: parts, the pieces of all links; width [L] m; length [L] m.
+    """
     a, b = parts.pair.T
     gap = np.empty((len(a), PIECE + 1))
     offset, opposed, inside = np.empty_like(gap), np.empty(gap.shape, bool), np.empty(gap.shape, bool)
@@ -183,11 +195,12 @@ def opposites(found: Meetings, width: np.ndarray, *, length: np.ndarray) -> list
 
     Related where at least 10 m or half of the shorter one lie side by side or coincide; those that cross, like two
     turns in a junction, are a conflict. Offsets in metres, left positive.
+    Args: found, how near links lie; width [L] m; length [L] m.
     """
     out: list[list[tuple[int, float]]] = [[] for _ in length]
     back = _mirrored(found)
     summed = width[found.link].sum(-1)
-    enough = np.minimum(10.0, 0.5 * length[found.link].min(-1)) * SAMPLED
+    enough = np.minimum(BESIDE[0], BESIDE[1] * length[found.link].min(-1)) * SAMPLED
     apart = (np.abs(found.offset) < COINCIDE * summed) | ~(found.crosses | found.crosses[back])
     shared = apart & apart[back] & (np.minimum(found.beside, found.beside[back]) >= enough)
     for (i, j), offset in zip(found.link[shared], found.offset[shared], strict=True):
@@ -196,7 +209,10 @@ def opposites(found: Meetings, width: np.ndarray, *, length: np.ndarray) -> list
 
 
 def conflicts(found: Meetings, width: np.ndarray, *, related: set[tuple[int, int]]) -> list[list[int]]:
-    """For each link the links that cross it or merge with it, apart from the pairs already related otherwise."""
+    """For each link the links that cross it or merge with it, apart from the pairs already related otherwise.
+
+    Args: found, how near links lie; width [L] m; related, pairs of links that are no conflict.
+    """
     out: list[list[int]] = [[] for _ in width]
     back = _mirrored(found)
     nearest = np.minimum(found.distance, found.distance[back])
@@ -213,7 +229,10 @@ def _mirrored(found: Meetings) -> np.ndarray:
 
 
 def crossing(a: np.ndarray, b: np.ndarray, *, least_angle: float = 0.0) -> np.ndarray:
-    """Whether the polylines a, b [n, P, 2] intersect, [n], at an angle of at least `least_angle` [rad]."""
+    """Whether the polylines a, b [n, P, 2] intersect, [n], at an angle of at least `least_angle` [rad].
+
+    Args: a, b m; least_angle rad (0: any).
+    """
 
     def side(p, q, r):
         return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])

@@ -12,6 +12,7 @@ from urbanjax.roadmap.builders.specs import LaneSpec, RoadStyle
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import RoadError
 
+RAMP_SLOPE = 0.1  # m to the side per m along the highway
 HIGHWAY_SPEED = 100 / 3.6  # m/s
 
 
@@ -145,7 +146,7 @@ def merge(
         speed_limit=speed_limit,
         road_type=RoadType.HIGHWAY,
     )
-    way = connect((before - ramp, -lane_width - 0.1 * ramp, 0.0), (before, -lane_width, 0.0))
+    way = connect((before - ramp, -lane_width - RAMP_SLOPE * ramp, 0.0), (before, -lane_width, 0.0))
     specs.append(
         LaneSpec(
             "ramp",

@@ -25,9 +25,9 @@ def corridor(
 
     Keys are (name, section, lane). A lane that the next section does not have ends without a successor; one that the
     section before does not have starts without a predecessor. Order: section by section, lanes from left to right.
-    Args: breaks [m], stations of the section borders (one more than sections); n_lanes, number of lanes in each
-    section; closed, the last section leads to the first; sections, LaneSpec fields of single sections; common,
-    LaneSpec fields of all.
+    Args: name, first part of the keys; line, left edge of the lanes; breaks m, stations of the section borders (one
+    more than sections); n_lanes, number of lanes in each section; lane_width m; closed, the last section leads to the
+    first; sections, LaneSpec fields of single sections; common, LaneSpec fields of all.
     """
     check_sizes(lane_width=lane_width)
     if len(breaks) != len(n_lanes) + 1 or min(n_lanes, default=0) < 1 or np.any(np.diff(breaks) <= 0):
@@ -54,13 +54,14 @@ def corridor(
 
 
 def evenly(length: float, section: float) -> np.ndarray:
-    """Section borders [m] that cut `length` into equal parts of at most `section`."""
+    """Section borders [m] that cut `length` into equal parts of at most `section`. Args: length m; section m."""
     check_sizes(length=length, section=section)
+    # A length that is a multiple of the section but for rounding gets no further section.
     return np.linspace(0.0, length, max(int(np.ceil(length / section - 1e-9)), 1) + 1)
 
 
 def check_sizes(**sizes: float) -> None:
-    """Raises RoadError unless every size is a positive finite number."""
+    """Raises RoadError unless every size is a positive finite number. Args: sizes by name."""
     for name, value in sizes.items():
         if not (np.isfinite(value) and value > 0):
             raise RoadError(f"{name} is {value}: it must be positive and finite")

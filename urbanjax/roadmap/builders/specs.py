@@ -10,6 +10,9 @@ from urbanjax.roadmap.builders.curves import hermite, normal
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import RoadError
 
+APART = 1e-6  # m, between points of a centre line that count as two
+SHORTEST = 0.01  # m, of a lane
+
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +49,7 @@ class LaneSpec:
 
 
 def check(specs: Sequence[LaneSpec], n_points: int) -> dict[Hashable, int]:
-    """Index of each key, after the checks that need no geometry."""
+    """Index of each key, after the checks that need no geometry. Args: specs, the lanes; n_points, per link."""
     if not specs:
         raise RoadError("the road network is empty: give at least one lane")
     if n_points < 4:
@@ -77,13 +80,16 @@ def check(specs: Sequence[LaneSpec], n_points: int) -> dict[Hashable, int]:
 
 
 def resample(spec: LaneSpec, n: int) -> tuple[np.ndarray, ...]:
-    """Centre, left, right [n, 2], heading, curvature [n] and length of one lane at uniform arc length."""
+    """Centre, left, right [n, 2], heading, curvature [n] and length of one lane at uniform arc length.
+
+    Args: spec, a lane; n, number of points.
+    """
     centre = np.asarray(spec.centre, float)
     chords = np.linalg.norm(np.diff(centre, axis=0), axis=-1)
-    keep = np.concatenate([[True], chords > 1e-6])
+    keep = np.concatenate([[True], chords > APART])
     width = np.broadcast_to(np.asarray(spec.width, float), len(centre))[keep]
     centre = centre[keep]
-    if len(centre) < 2 or np.linalg.norm(np.diff(centre, axis=0), axis=-1).sum() < 0.01:
+    if len(centre) < 2 or np.linalg.norm(np.diff(centre, axis=0), axis=-1).sum() < SHORTEST:
         raise RoadError(f"lane {spec.key!r} has no length: give it at least two distinct points")
     chords = np.linalg.norm(np.diff(centre, axis=0), axis=-1)
     given = None if spec.heading is None else np.unwrap(np.asarray(spec.heading, float)[keep])
