@@ -31,7 +31,7 @@ class Line:
 
 
 @pytree
-class Place:
+class Cell:
     """Where stations lie between two rows of a table."""
 
     before: Array  # [*q, 3 + C], the row at or before the station
@@ -98,13 +98,13 @@ def cell(
     return index, inside - index.astype(inside.dtype), (steps - inside) * spacing
 
 
-def locate(line: Line, station: Float[Array, "*q"]) -> Place:
+def locate(line: Line, station: Float[Array, "*q"]) -> Cell:
     """Where stations [m] lie on a line. Args: line, the table; station [*q] m."""
     index, fraction, beyond = cell(line.start, line.spacing, n=line.rows.shape[0], station=station)
-    return Place(lean.rows(line.rows, index), lean.rows(line.rows, index + 1), fraction, beyond, line.spacing)
+    return Cell(lean.rows(line.rows, index), lean.rows(line.rows, index + 1), fraction, beyond, line.spacing)
 
 
-def read(place: Place) -> Reading:
+def read(place: Cell) -> Reading:
     """The line at places: the cubic Hermite curve of positions and headings, all else linear; straight on beyond.
 
     Args: place [*q], between rows of a table.

@@ -75,7 +75,7 @@ def _sample(nodes: Array, length: Array, link: Array, station: Array) -> LinkPoi
     step = lean.rows(length, link) / (n_points - 1)
     index, fraction, beyond = frenet.cell(0.0, step, n=n_points, station=station)
     rows, first = nodes.reshape(-1, nodes.shape[-1]), link * n_points + index
-    at = frenet.read(frenet.Place(lean.rows(rows, first), lean.rows(rows, first + 1), fraction, beyond, step))
+    at = frenet.read(frenet.Cell(lean.rows(rows, first), lean.rows(rows, first + 1), fraction, beyond, step))
     curvature, width = jnp.unstack(at.others, axis=-1)
     return LinkPoint(at.position, at.heading, curvature, width)
 
