@@ -35,7 +35,7 @@ def graphs(district, crossing, road):
         "straight": road,
         "two_way": builders.two_way(length=200.0, style=RoadStyle(n_points=16)),
         "coinciding": builders.two_way(length=200.0, coinciding=True, style=RoadStyle(n_points=16)),
-        "curve": builders.curve(radius=40.0, style=RoadStyle(n_points=16)),
+        "curve": builders.curve(radius=40.0, style=RoadStyle(section=60.0, n_points=16)),
         "merge": builders.merge(before=80.0, parallel=60.0, after=80.0, ramp=60.0, style=RoadStyle(n_points=16)),
         "crossing": crossing,
         "district": district,

@@ -98,8 +98,8 @@ def curve(
         raise RoadError(f"radius {radius} m is less than the width of {n_lanes} lanes on its inner side: raise it")
     bend = turn(angle, radius, transition=transition)
     line = trace([(lead, 0.0, 0.0), *bend, (lead, 0.0, 0.0)])
-    straight_part = evenly(lead, style.section)
-    bend_part = lead + evenly(line.length - 2 * lead, style.section)
+    straight_part = evenly(lead, min(style.section, lead))
+    bend_part = lead + evenly(line.length - 2 * lead, min(style.section, line.length))
     breaks = [*straight_part, *bend_part[1:], *(bend_part[-1] + straight_part[1:])]
     first = len(straight_part) - 1
     areas = {first + k: {"area": "curve"} for k in range(len(bend_part) - 1)}
