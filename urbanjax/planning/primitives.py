@@ -131,7 +131,9 @@ def end_states(state: VehicleState, macro_plan: MacroPlan, *, params: PrimitiveP
         jnp.asarray(v, dtype) for v in (params.durations, params.speed_factors, params.accelerations, params.offsets)
     )
     time = jnp.concatenate([jnp.zeros(1, dtype), macro_plan.time])
-    free = polyline.interpolate(time, jnp.concatenate([macro_plan.start_speed[None], macro_plan.speed]), query=durations)
+    free = polyline.interpolate(
+        time, jnp.concatenate([macro_plan.start_speed[None], macro_plan.speed]), query=durations
+    )
     reachable = state.speed - params.deceleration * durations
     speed = jnp.maximum(factors[None, :] * free[:, None], jnp.maximum(reachable, params.min_speed)[:, None])
     mean = (state.speed + speed) / 2

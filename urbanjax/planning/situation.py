@@ -6,8 +6,8 @@ from jax import Array
 from urbanjax.course import Course
 from urbanjax.planning.prediction import PredictionParams, predict
 from urbanjax.roadmap.corridor import Corridor, WindowParams, window
-from urbanjax.roadmap.progress import Progress, progress
 from urbanjax.roadmap.locate import LocateParams, locate
+from urbanjax.roadmap.progress import Progress, progress
 from urbanjax.types import Objects, Observation, Prediction, Signals, VehicleState, pytree
 
 
