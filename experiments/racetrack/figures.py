@@ -62,7 +62,8 @@ def draw_macro(path: Path, temperature: float) -> None:
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position=position, heading=heading, speed=zero + 10, acceleration=zero, steering=zero)
     place = Progress(station=zero + 30, offset=zero, heading_error=zero)
-    situation = Situation(ahead, place, ego, objects=None, prediction=leader, signals=None)
+    unseen: Any = None  # macro planning reads predictions, neither objects nor signals
+    situation = Situation(ahead, place, ego, objects=unseen, prediction=leader, signals=unseen)
     with figure(path, 11.0, height=3.4) as canvas:
         both, dots = canvas.subplots(1, 2), None
         for axes, mode in zip(both, ("hard", "soft"), strict=True):

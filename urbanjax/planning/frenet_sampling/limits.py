@@ -87,7 +87,7 @@ def clearance(fan: FrenetFan, prediction: Prediction, vehicle: VehicleParams, gr
     time = grid.period * jnp.arange(grid.n_times).astype(fan.values.dtype)
     origin = fan.position[:, 0, 0, 0, 0]
     # Objects lead and candidates follow, [B, D, V * A, N, T], for long inner loops.
-    other = predicted_boxes(prediction, time, origin)
+    other = predicted_boxes(prediction, time, origin=origin)
     other = jax.tree.map(lambda v: v.T[:, None, None, None], other)
     cos, sin = jnp.cos(fan.heading), jnp.sin(fan.heading)
     x, y = (fan.position[i] - origin[i] + vehicle.centre_offset * d for i, d in enumerate((cos, sin)))
