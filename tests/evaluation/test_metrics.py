@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.sim.conftest import Road
 from urbanjax.evaluation import metrics, scores
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import log as logs
@@ -134,7 +135,8 @@ def test_overlaps_of_all_pairs():
     np.testing.assert_array_equal(found, expected)
 
 
-def test_record_measures_lane_and_road(road):
+def test_record_measures_lane_and_road():
+    road = Road()
     world = road.world(road.traffic(), ego_x=50.0, ego_y=0.6, ego_speed=8.0, heading=0.1)
     entry = record(road.params, road.lanes, world=world, command=STILL)
     half = L / 2 - 0.95

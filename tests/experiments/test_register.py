@@ -10,6 +10,7 @@ import pytest
 import yaml
 from scipy import stats
 
+from experiments.common.lost import lost_after
 from experiments.register import calibration, factorial, figures, pair, rows, stretch
 from experiments.register.bench import Bench, BenchPrograms, Found, Seen
 from experiments.register.calibration import Calibration, Errors
@@ -142,7 +143,7 @@ class _Stub(Bench):
     def __init__(self):
         time = types.SimpleNamespace(time=np.arange(9))
         self.stretch = types.SimpleNamespace(tour=time)
-        self.localizer = types.SimpleNamespace(period=0.1)
+        self.period = 0.1
         self.asked = []
 
     def look(self, k, key, aside=(0.0, 0.0)):

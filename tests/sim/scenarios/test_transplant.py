@@ -22,7 +22,7 @@ def test_everybody_keeps_place_relative_to_the_ego():
     lanes, straight = tables.from_graph(graph), tables.from_graph(overtake.road(OvertakeParams()))
     family, params = as_arrays((OvertakeParams(crowded=1.0), SimParams(vehicle=VehicleParams())))
     start = overtake.sample(jax.random.key(3), family, vehicle=params.vehicle, others=params.traffic)
-    moved = jax.jit(transplant)(start, lanes, jnp.asarray(LINK), -30.0)
+    moved = jax.jit(transplant)(start, lanes, link=jnp.asarray(LINK), shift=-30.0)
     before = agents.objects(straight, start.world.traffic, params=params.traffic)
     after = agents.objects(lanes, moved.world.traffic, params=params.traffic)
     back = start.world.ego.pose @ moved.world.ego.pose.inverse()
