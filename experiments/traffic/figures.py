@@ -17,7 +17,7 @@ PROFILE_BINS = 200
 
 
 @partial(jax.jit, static_argnames="bins")
-def _profiles(station: Array, offset: Array, mask: Array, length: float, bins: int) -> Profile:
+def _profiles(station: Array, offset: Array, mask: Array, length: float | Array, bins: int) -> Profile:
     each = jax.vmap(lambda s, d, m: profile(s, d, mask=m, length=length, bins=bins))
     return each(station, offset, mask)
 
