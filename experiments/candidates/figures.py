@@ -6,12 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.candidates.study import CandidateStudy, grid, params_of, road
+from experiments.candidates.study import CandidateStudy, driving_of, grid, params_of, road
 from urbanjax.io.figures.style import GOOD, LINE, OTHER, ROAD, figure
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.frenet_sampling import choice
 from urbanjax.planning.frenet_sampling.fan import generate
-from urbanjax.types import as_arrays
 
 HALF_WIDTH = 5.25  # m, of the road that is drawn
 
@@ -22,9 +20,9 @@ def draw_fan(study: CandidateStudy, path: Path) -> None:
 
     here, ends = road(), grid(study.few)
     params = params_of(study, ends.replace(heading="exact"))
-    rest = (jnp.asarray(study.desired_speed, float), None, as_arrays(study.vehicle), params, as_arrays(Relaxation()))
-    plan = jax.jit(choice.plan)(here.line, here.state, *rest)
-    fan = jax.jit(generate)(here.line, here.state, params.grid)
+    wish, driving = jnp.asarray(study.desired_speed, float), driving_of(study, params)
+    plan = jax.jit(choice.plan)(here.line, here.state, desired_speed=wish, prediction=None, driving=driving)
+    fan = jax.jit(generate)(here.line, here.state, grid=params.grid)
     points = np.moveaxis(np.asarray(fan.position), 0, -1).reshape(plan.cost.size, -1, 2)
     broken = np.asarray(plan.reasons).any(axis=0).ravel()
     cost = np.asarray(plan.terms).sum(axis=0).ravel()

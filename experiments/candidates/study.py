@@ -5,6 +5,7 @@ timed on our side ends with the chosen trajectory and the costs and limits of al
 trajectory too, as Frenetix keeps them.
 """
 
+import functools
 import os
 from collections.abc import Callable
 from typing import Any
@@ -23,6 +24,7 @@ from urbanjax.planning.frenet_sampling.limits import FrenetLimits
 from urbanjax.planning.frenet_sampling.line import ReferenceLine, reference_line
 from urbanjax.planning.frenet_sampling.motion import EndGrid, FrenetState
 from urbanjax.types import ConfigError, as_arrays, pytree, static
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 HORIZON, PERIOD, SPACING, LENGTH = 3.0, 0.1, 0.5, 160.0  # s, s, m, m
@@ -88,7 +90,8 @@ def road(rng: np.random.Generator | None = None, speed: float = 9.0) -> Road:
     rows = slice(None, None, round(SPACING / 0.01))
     curvature = sway / length * np.sin(fine[rows] / length + phase)
     points, angle, bend = (jnp.asarray(v, float) for v in (position[rows], heading[rows], curvature))
-    line = reference_line(points, angle, bend, *as_arrays((0.0, SPACING)))
+    start, spacing = as_arrays((0.0, SPACING))
+    line = reference_line(points, angle, curvature=bend, start=start, spacing=spacing)
     begin = jnp.asarray(np.array([20.0, speed, 0.3, 0.4, 0.2, 0.05]) + jitter, float)
     return Road(line, position[::10], FrenetState(begin[:3], begin[3:]))
 
@@ -117,23 +120,26 @@ def measure(study: CandidateStudy, tick: Tick = lambda label: None) -> dict[str,
     return out | _time_batch(study)
 
 
-def _arguments(study: CandidateStudy, shape: tuple[int, ...]) -> tuple:
-    return None, as_arrays(study.vehicle), params_of(study, grid(shape)), as_arrays(Relaxation())
+def driving_of(study: CandidateStudy, params: FrenetParams) -> Driving:
+    """The study's vehicle, planning with `params`, in mode hard."""
+    return as_arrays(Driving(study.vehicle, params, Relaxation(), PERIOD))
 
 
-def _whole(line: ReferenceLine, state: FrenetState, *rest: Any) -> tuple[FrenetPlan, jax.Array]:
+def _whole(line: ReferenceLine, state: FrenetState, *, driving: Driving, **scene: Any) -> tuple[FrenetPlan, jax.Array]:
     """The plan and every trajectory."""
-    return choice.plan(line, state, *rest), generate(line, state, rest[3].grid).values
+    chosen = choice.plan(line, state, driving=driving, **scene)
+    return chosen, generate(line, state, grid=driving.params.grid).values
 
 
 def _time_one(study: CandidateStudy, here: Road, shape: tuple[int, ...]) -> dict[str, float]:
-    count, rest = int(np.prod(shape)), (jnp.asarray(study.desired_speed, float), *_arguments(study, shape))
+    count, driving = int(np.prod(shape)), driving_of(study, params_of(study, grid(shape)))
+    rest = {"desired_speed": jnp.asarray(study.desired_speed, float), "prediction": None, "driving": driving}
     out: dict[str, float] = {}
     calls: dict[str, Callable[[], Any]] = {}
     for suffix, function in (("", choice.plan), ("_handed_back", _whole)):
-        program = jax.jit(function)
-        out[f"candidates_{count}{suffix}_first_call_s"] = timing.seconds(program, here.line, here.state, *rest)
-        calls[f"candidates_{count}{suffix}_ms"] = lambda f=program: f(here.line, here.state, *rest)
+        program = functools.partial(jax.jit(function), here.line, here.state, **rest)
+        out[f"candidates_{count}{suffix}_first_call_s"] = timing.seconds(program)
+        calls[f"candidates_{count}{suffix}_ms"] = program
     return out | _beside(study, calls, str(count), [here], grid(shape), study.repeats)
 
 
@@ -142,11 +148,13 @@ def _time_batch(study: CandidateStudy) -> dict[str, float]:
     roads = [road(rng) for _ in range(study.scenarios)]
     lines, states = jax.tree.map(lambda *x: jnp.stack(x), *((r.line, r.state) for r in roads))
     wishes = jnp.full(study.scenarios, study.desired_speed)
-    rest, name = _arguments(study, study.few), f"{study.scenarios}x{np.prod(study.few)}"
+    driving, name = driving_of(study, params_of(study, grid(study.few))), f"{study.scenarios}x{np.prod(study.few)}"
     at_once = study.at_once or (1 if jax.default_backend() == "cpu" else study.scenarios)
     program = jax.jit(choice.plans, static_argnames="at_once")
     calls: dict[str, Callable[[], Any]] = {
-        f"candidates_{name}_ms": lambda: program(lines, states, wishes, *rest, at_once=at_once)
+        f"candidates_{name}_ms": lambda: program(
+            lines, states, desired_speeds=wishes, predictions=None, driving=driving, at_once=at_once
+        )
     }
     out = {f"candidates_{name}_first_call_s": timing.seconds(calls[f"candidates_{name}_ms"])}
     return out | _beside(study, calls, name, roads, grid(study.few), study.batch_repeats)

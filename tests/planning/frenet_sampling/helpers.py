@@ -15,6 +15,7 @@ from urbanjax.planning.frenet_sampling.fan import generate
 from urbanjax.planning.frenet_sampling.line import reference_line
 from urbanjax.planning.frenet_sampling.motion import EndGrid, FrenetState
 from urbanjax.types import Prediction, as_arrays
+from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 OFFSETS, SPEEDS, ACCELERATIONS, DURATIONS = (-1.5, 0.0, 1.5), (6.0, 12.0), (0.0, 1.0), (1.0, 2.0)
@@ -49,8 +50,9 @@ def place(shape):
 def line_of(shape, spacing=0.5, length=80.0):
     station = np.arange(0.0, length + spacing / 2, spacing)
     heading, curvature = shape(station)
-    arrays = (jnp.asarray(v, float) for v in (place(shape)(station), heading, curvature))
-    return reference_line(*arrays, jnp.asarray(0.0), jnp.asarray(spacing))
+    position, heading, curvature = (jnp.asarray(v, float) for v in (place(shape)(station), heading, curvature))
+    start, spacing = jnp.asarray(0.0), jnp.asarray(spacing)
+    return reference_line(position, heading, curvature=curvature, start=start, spacing=spacing)
 
 
 def state(station=START[0], offset=START[1]) -> FrenetState:
@@ -67,14 +69,18 @@ def compiled(function):
 
 
 def fan_of(line, begin, ends):
-    return compiled(generate)(line, begin, as_arrays(ends))
+    return compiled(generate)(line, begin, grid=as_arrays(ends))
+
+
+def driving_of(params, relaxation) -> Driving:
+    return as_arrays(Driving(VEHICLE, params, relaxation, 0.1))
 
 
 def plan_of(line, begin=None, prediction=None, params=None, mode="hard", temperature=0.1, wish=WISH):
-    relaxation = as_arrays(Relaxation(temperature, mode=mode))
     begin = state() if begin is None else begin
-    params = scene_params() if params is None else params
-    return compiled(choice.plan)(line, begin, jnp.asarray(wish), prediction, as_arrays(VEHICLE), params, relaxation)
+    driving = driving_of(scene_params() if params is None else params, Relaxation(temperature, mode=mode))
+    wish = jnp.asarray(wish)
+    return compiled(choice.plan)(line, begin, desired_speed=wish, prediction=prediction, driving=driving)
 
 
 def solved(start, end, time, order):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.planning.frenet_sampling.helpers import (
-    VEHICLE,
     WISH,
     cars,
     circular,
     curved,
+    driving_of,
     each,
     fan_of,
     grid,
@@ -22,7 +22,6 @@ from tests.planning.frenet_sampling.helpers import (
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.frenet_sampling import choice
 from urbanjax.planning.frenet_sampling.limits import FRENET_LIMITS
-from urbanjax.types import as_arrays
 
 
 def test_the_choice_is_the_cheapest_that_breaks_no_limit():
@@ -59,12 +58,12 @@ def test_soft_becomes_hard_as_the_temperature_falls():
 
 def test_the_soft_plan_has_the_derivative_of_its_value(x64):
     line, begin = line_of(curved), state((10.23, 9.0, 0.4))  # no point on a row of the table, where it has a kink
-    relaxation, rest = as_arrays(Relaxation(1.0, mode="soft")), (None, as_arrays(VEHICLE), scene_params())
+    driving = driving_of(scene_params(), Relaxation(1.0, mode="soft"))
     mix = jnp.asarray(np.random.default_rng(0).normal(size=(6, 26)))
 
     @jax.jit
     def total(begin):
-        found = choice.plan(line, begin, jnp.asarray(WISH), *rest, relaxation)
+        found = choice.plan(line, begin, desired_speed=jnp.asarray(WISH), prediction=None, driving=driving)
         return jnp.sum(mix * found.values)
 
     slope = jax.jit(jax.grad(total))(begin)
@@ -81,8 +80,9 @@ def test_many_scenarios_are_planned_like_each(at_once):
     begins = [state(), state(offset=(1.0, 0.0, 0.0)), state((10.0, 7.0, 0.0))]
     stacked = [jax.tree.map(lambda *x: jnp.stack(x), *v) for v in (lines, begins)]
     wishes = jnp.array([WISH, 8.0, 12.0])
-    rest = (None, as_arrays(VEHICLE), scene_params(), as_arrays(Relaxation()))
-    many = jax.jit(choice.plans, static_argnames="at_once")(*stacked, wishes, *rest, at_once=at_once)
+    program = jax.jit(choice.plans, static_argnames="at_once")
+    driving = driving_of(scene_params(), Relaxation())
+    many = program(*stacked, desired_speeds=wishes, predictions=None, driving=driving, at_once=at_once)
     for i in range(3):
         one = plan_of(lines[i], begins[i], wish=wishes[i])
         for found, wanted in zip(jax.tree.leaves(many), jax.tree.leaves(one), strict=True):

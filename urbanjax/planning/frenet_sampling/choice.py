@@ -5,13 +5,12 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.numerics import safe, soft
-from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.frenet_sampling.fan import FIELDS, FrenetFan, generate
 from urbanjax.planning.frenet_sampling.limits import FrenetLimits, broken
 from urbanjax.planning.frenet_sampling.line import ReferenceLine
 from urbanjax.planning.frenet_sampling.motion import EndGrid, FrenetState
 from urbanjax.types import Prediction, pytree
-from urbanjax.vehicle.params import VehicleParams
+from urbanjax.vehicle.driving import Driving
 
 FRENET_TERMS = ("lateral_jerk", "longitudinal_jerk", "speed", "offset")
 
@@ -53,20 +52,21 @@ class FrenetPlan:
 def plan(
     line: ReferenceLine,
     state: FrenetState,
+    *,
     desired_speed: Float[Array, ""],
     prediction: Prediction | None,
-    vehicle: VehicleParams,
-    params: FrenetParams,
-    relaxation: Relaxation,
+    driving: Driving,
 ) -> FrenetPlan:
     """The cheapest candidate that breaks no limit, or the least bad one where all do.
 
     In mode hard the choice is piecewise constant; in soft its trajectory is the mean by softmin weights. Whether limits
-    are broken is a hard question in both. Args: desired_speed (m/s); prediction, if collisions count.
+    are broken is a hard question in both. Args: line, the reference; state, of the vehicle in its Frenet frame;
+    desired_speed [] m/s; prediction, of everybody else, None if collisions do not count; driving, with FrenetParams.
     """
-    fan = generate(line, state, params.grid)
-    terms = weighted_terms(fan, desired_speed, params)
-    reasons = broken(fan, prediction, vehicle, params.grid, params.limits)
+    params, relaxation = driving.params, driving.relaxation
+    fan = generate(line, state, grid=params.grid)
+    terms = weighted_terms(fan, desired_speed, params=params)
+    reasons = broken(fan, prediction, vehicle=driving.vehicle, grid=params.grid, limits=params.limits)
     cost = jnp.sum(terms, axis=0) + params.infeasible * jnp.sum(reasons, axis=0)
     flat, values = cost.reshape(-1), fan.values.reshape(len(FIELDS), -1, fan.values.shape[-1])
     chosen = jnp.argmin(flat)
@@ -83,32 +83,32 @@ def plan(
 def plans(
     lines: ReferenceLine,
     states: FrenetState,
+    *,
     desired_speeds: Float[Array, "s"],
     predictions: Prediction | None,
-    vehicle: VehicleParams,
-    params: FrenetParams,
-    relaxation: Relaxation,
+    driving: Driving,
     at_once: int = 1,
 ) -> FrenetPlan:
     """The plans of S scenarios, stacked along the first axis.
 
-    Args: lines, states, desired_speeds (m/s) and predictions, stacked; at_once, how many are planned together: 1 on a
-    CPU, where one fan fits into its caches and many do not, many on a GPU.
+    Args: lines, states, desired_speeds [S] m/s and predictions, those of `plan`, stacked; driving, with FrenetParams,
+    the same for all; at_once, how many are planned together: 1 on a CPU, where one fan fits into its caches and many do
+    not, many on a GPU.
     """
 
     def one(scenario: tuple) -> FrenetPlan:
         line, state, desired_speed, prediction = scenario
-        return plan(line, state, desired_speed, prediction, vehicle, params, relaxation)
+        return plan(line, state, desired_speed=desired_speed, prediction=prediction, driving=driving)
 
     scenarios = (lines, states, desired_speeds, predictions)
     return lax.map(one, scenarios, batch_size=None if at_once == 1 else at_once)
 
 
-def weighted_terms(fan: FrenetFan, desired_speed: Float[Array, ""], params: FrenetParams) -> Float[Array, "c d v n"]:
+def weighted_terms(fan: FrenetFan, desired_speed: Float[Array, ""], *, params: FrenetParams) -> Float[Array, "c d v n"]:
     """Weighted cost [C, D, V * A, N] by FRENET_TERMS, each the root of an integral of squares over time.
 
-    Jerk in closed form, up to the end of the motion; the squared distance from the desired speed (m/s) over all points;
-    that from the reference line over the second half of them.
+    Jerk in closed form, up to the end of the motion; the squared distance from the desired speed over all points; that
+    from the reference line over the second half of them. Args: fan, of candidates; desired_speed [] m/s.
     """
     grid, weights, shape = params.grid, params.weights, fan.speed.shape[:-1]
     durations = jnp.asarray(grid.durations, fan.values.dtype)[None]
@@ -127,7 +127,10 @@ def weighted_terms(fan: FrenetFan, desired_speed: Float[Array, ""], params: Fren
 
 
 def jerk_integral(jerk: tuple[Array, Array, Array], time: Array) -> Array:
-    """Integral of (j + k t + l t^2)^2 from 0 to `time`."""
+    """Integral of (j + k t + l t^2)^2 from 0 to `time`.
+
+    Args: jerk, the coefficients j, k, l; time, the end, s (or m, as in Across), of shapes that broadcast.
+    """
     j, k, l = jerk  # noqa: E741
     t = time
     return t * (j * j + t * (j * k + t * ((k * k + 2 * j * l) / 3 + t * (k * l / 2 + t * l * l / 5))))
