@@ -111,7 +111,7 @@ def _halved(fan: FrenetFan, grid: EndGrid) -> FrenetFan:
     """The fan that half of the second derivatives give."""
     along = fan.along.replace(acceleration=fan.along.acceleration / 2)
     across = fan.across.replace(second=fan.across.second / 2)
-    return fan.replace(values=cartesian(along, across, grid))
+    return fan.replace(values=cartesian(along, across, grid=grid))
 
 
 def _ordered(values: Any) -> np.ndarray:
@@ -122,10 +122,10 @@ def _ordered(values: Any) -> np.ndarray:
 
 @jax.jit
 def _ours(road: Any, params: FrenetParams, vehicle: Any, wish: jax.Array) -> tuple:
-    fan = generate(road.line, road.state, params.grid)
+    fan = generate(road.line, road.state, grid=params.grid)
     halved = _halved(fan, params.grid)
-    reasons = [limits.broken(f, None, vehicle, params.grid, params.limits) for f in (halved, fan)]
-    return halved.values, fan.values, choice.weighted_terms(fan, wish, params), *reasons
+    reasons = [limits.broken(f, None, vehicle=vehicle, grid=params.grid, limits=params.limits) for f in (halved, fan)]
+    return halved.values, fan.values, choice.weighted_terms(fan, wish, params=params), *reasons
 
 
 def agreement(road: Any, grid: EndGrid, params: FrenetParams, study: Any) -> dict[str, float]:

@@ -32,7 +32,7 @@ def draw_course(lap: Lap, path: Path) -> None:
     """The whole lattice with the marginals of its nodes and the cheapest lap; beside it, where the lap bends most."""
     lattice, there = lap.lattice, np.asarray(lap.lattice.node) > 0.5
     nodes = jnp.asarray(lap.hard[1].argmax(1))
-    line = jax.tree.map(np.asarray, driven(lap.course.corridor, lattice, nodes, 12))
+    line = jax.tree.map(np.asarray, driven(lap.course.corridor, lattice, nodes=nodes, samples=12))
     position, edges = np.asarray(lattice.position), lap.hard[2] > 0.5
     with figure(path, 11.0, height=5.6) as canvas:
         whole, near = canvas.subplots(1, 2)

@@ -71,15 +71,16 @@ def solve(study: RacetrackStudy) -> Lap:
     """
     course = course_of(study)
     params = as_arrays(course_lattice.sized(course.corridor, study.lattice))
-    arguments = (course.corridor, as_arrays(study.vehicle), params, as_arrays(Relaxation()))
-    first, lattice = timed(_build, *arguments)
+    vehicle, relaxation = as_arrays(study.vehicle), as_arrays(Relaxation())
+    build = functools.partial(_build, course.corridor, vehicle, params=params, relaxation=relaxation)
+    first, lattice = timed(build)
     numbers = {
         "course_m": float(course.corridor.length),
         "layers": lattice.station.shape[0],
         "nodes": float(jnp.sum(lattice.node > 0.5)),
         "edges": float(jnp.sum(lattice.edge > 0.5)),
         "build_first_s": first,
-        "build_median_ms": 1e3 * median(_build, *arguments, runs=study.runs),
+        "build_median_ms": 1e3 * median(build, runs=study.runs),
     }
     with jax.enable_x64(True):
         steps = slice(None) if lattice.closed else slice(0, -1)
@@ -107,7 +108,7 @@ def solve(study: RacetrackStudy) -> Lap:
 
 def path_table(lap: Lap) -> dict[str, np.ndarray]:
     """The cheapest lap point by point, for the table on disk."""
-    path = driven(lap.course.corridor, lap.lattice, jnp.asarray(lap.hard[1].argmax(1)), 8)
+    path = driven(lap.course.corridor, lap.lattice, nodes=jnp.asarray(lap.hard[1].argmax(1)), samples=8)
     origin = np.array(lap.course.graph.origin)
     position = np.asarray(path.position) + origin
     return {
@@ -167,7 +168,7 @@ def _middle(course: Course) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _search(cost: Any, closed: bool, relaxation: Relaxation) -> tuple[Any, ...]:
-    return _closed(cost, relaxation) if closed else _open(jnp.zeros_like(cost[0, 0]), cost, relaxation)
+    return _closed(cost, relaxation) if closed else _open(jnp.zeros_like(cost[0, 0]), cost, relaxation=relaxation)
 
 
 _build = jax.jit(course_lattice.build)

@@ -18,14 +18,16 @@ def test_integrals_on_a_circle(x64):
     np.testing.assert_allclose(costs.curvature(-kappa, step), costs.curvature(kappa, step))
     assert np.all(costs.curvature_rate(kappa, step) == 0)
     time = jnp.linspace(0, 5, 91)
-    np.testing.assert_allclose(costs.lateral_acceleration(jnp.full(91, 4.0), kappa, time).sum(), 5 * 0.8**2, rtol=1e-12)
-    np.testing.assert_allclose(costs.slowness(jnp.full(91, 4.0), jnp.full(91, 7.0), time).sum(), 45, rtol=1e-12)
+    np.testing.assert_allclose(
+        costs.lateral_acceleration(jnp.full(91, 4.0), kappa, time=time).sum(), 5 * 0.8**2, rtol=1e-12
+    )
+    np.testing.assert_allclose(costs.slowness(jnp.full(91, 4.0), jnp.full(91, 7.0), time=time).sum(), 45, rtol=1e-12)
 
 
 def test_deviation_counts_metres_squared_where_it_counts():
     offset, other = jnp.full(11, 1.5), jnp.full(11, 0.5)
     counts = (jnp.arange(11) <= 5) * 1.0
-    np.testing.assert_allclose(costs.deviation(offset, other, counts, jnp.ones(10)).sum(), 5.5, rtol=2e-3)
+    np.testing.assert_allclose(costs.deviation(offset, other, counts=counts, step=jnp.ones(10)).sum(), 5.5, rtol=2e-3)
 
 
 def test_gradients_at_coincident_points_are_finite():

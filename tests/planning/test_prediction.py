@@ -15,7 +15,8 @@ ONE, TWO = PredictionParams(branches=1), PredictionParams(branches=2)
 
 @jax.jit
 def look_ahead(graph, objects, params):
-    return predict(graph, objects, locate(graph, objects.position, heading=objects.heading), params)
+    locations = locate(graph, objects.position, heading=objects.heading)
+    return predict(graph, objects, locations=locations, params=params)
 
 
 def objects(*rows) -> Objects:

@@ -37,7 +37,7 @@ def test_quintics_solve_the_printed_system(scenes, x64):
     )
     at_end = cross_sections(window, end.station)
     curvature = jnp.tan(state.steering) / 2.8
-    found = quintic.coefficients(state, curvature, end, at_end)
+    found = quintic.coefficients(state, curvature, end=end, at_end=at_end)
     kappa, theta = float(curvature), float(state.heading)
     for j in range(n):
         t = float(end.duration[j])
@@ -109,7 +109,7 @@ def test_all_candidates_pass_the_same_stations_in_order(fan):
 
 def test_end_states_are_reached(fan, params):
     (_, state), macro, fan, _ = fan
-    end = end_states(state, macro, params.primitives)
+    end = end_states(state, macro, params=params.primitives)
     for j in range(fan.offset.shape[0]):
         if end.station[j] < fan.station[-1]:
             assert np.interp(end.station[j], fan.station, fan.offset[j]) == pytest.approx(

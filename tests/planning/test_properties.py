@@ -166,10 +166,10 @@ def test_value_never_rises_as_an_obstacle_moves_off_the_road(
     kind=st.sampled_from(costs.BARRIERS),
 )
 def test_barrier_never_rises_with_clearance(clearance, more, threshold, kind):
-    near, far = costs.barrier(jnp.array([clearance, clearance + more]), threshold, kind)
+    near, far = costs.barrier(jnp.array([clearance, clearance + more]), threshold, kind=kind)
     assert 0 <= far <= near
-    assert costs.barrier(jnp.array(0.0), threshold, kind) > 0
-    assert costs.barrier(jnp.array(5 * threshold), threshold, kind) < 1e-5
+    assert costs.barrier(jnp.array(0.0), threshold, kind=kind) > 0
+    assert costs.barrier(jnp.array(5 * threshold), threshold, kind=kind) < 1e-5
 
 
 @pytest.fixture(scope="module")
@@ -182,9 +182,9 @@ def path_costs():
             "length": step,
             "curvature": costs.curvature(kappa, step),
             "curvature_rate": costs.curvature_rate(kappa, step),
-            "deviation": costs.deviation(offset, 0.5 * offset[::-1], jnp.ones_like(offset), step),
-            "slowness": costs.slowness(speed, jnp.full_like(speed, 14.0), time),
-            "lateral_acceleration": costs.lateral_acceleration(speed, kappa, time),
+            "deviation": costs.deviation(offset, 0.5 * offset[::-1], counts=jnp.ones_like(offset), step=step),
+            "slowness": costs.slowness(speed, jnp.full_like(speed, 14.0), time=time),
+            "lateral_acceleration": costs.lateral_acceleration(speed, kappa, time=time),
         }
         return jax.tree.map(jnp.sum, parts)
 
@@ -224,18 +224,20 @@ def search():
 def test_search_follows_its_costs(search, x64, seed, mode, temperature):
     rng, relaxation = np.random.default_rng(seed), as_arrays(Relaxation(temperature, mode=mode))
     start, edges = rng.uniform(0, 2, 4), rng.uniform(0, 2, (3, 4, 4))
-    value, nodes, _ = search(start, edges, relaxation)
+    value, nodes, _ = search(start, edges, relaxation=relaxation)
     # Dearer edges never make a plan cheaper; what all edges of a layer cost more, the plan costs more.
-    assert search(start, edges + rng.uniform(0, 1, edges.shape), relaxation)[0] >= value - 1e-12
+    assert search(start, edges + rng.uniform(0, 1, edges.shape), relaxation=relaxation)[0] >= value - 1e-12
     tolls = rng.uniform(0, 5, 3)
-    np.testing.assert_allclose(search(start, edges + tolls[:, None, None], relaxation)[0], value + tolls.sum())
+    np.testing.assert_allclose(
+        search(start, edges + tolls[:, None, None], relaxation=relaxation)[0], value + tolls.sum()
+    )
     # Nodes have no order, and a node that is barred is as good as none.
     order = rng.permutation(4)
-    shuffled = search(start[order], edges[:, order][:, :, order], relaxation)
+    shuffled = search(start[order], edges[:, order][:, :, order], relaxation=relaxation)
     np.testing.assert_allclose(shuffled[0], value, rtol=1e-12)
     np.testing.assert_allclose(shuffled[1], nodes[:, order], atol=1e-9)
     barred = np.pad(edges, ((0, 0), (0, 1), (0, 1)), constant_values=1e6)
-    padded = search(np.pad(start, (0, 1), constant_values=1e6), barred, relaxation)
+    padded = search(np.pad(start, (0, 1), constant_values=1e6), barred, relaxation=relaxation)
     np.testing.assert_allclose(padded[0], value, rtol=1e-12)
     np.testing.assert_allclose(padded[1][:, :4], nodes, atol=1e-12)
     assert np.all(padded[1][:, 4] == 0)

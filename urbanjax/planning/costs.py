@@ -12,7 +12,7 @@ from urbanjax.numerics import safe
 BARRIERS = ("hinge", "gaussian")
 
 
-def barrier(clearance: Float[Array, "*s"], threshold: float | Array, kind: str = "hinge") -> Float[Array, "*s"]:
+def barrier(clearance: Float[Array, "*s"], threshold: float | Array, *, kind: str = "hinge") -> Float[Array, "*s"]:
     """Cost of being near: (c0 - c)^2 (m^2) below the threshold c0, or as `gaussian` exp(-(c / c0)^2 / 2) (no unit).
 
     The printed + k ||O - N|| rewards nearness to obstacles; this one falls with clearance. Args: clearance, signed m.
@@ -52,6 +52,7 @@ def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> F
 def deviation(
     offset: Float[Array, "*s k"],
     other: Float[Array, "*#s k"],
+    *,
     counts: Float[Array, "*#s k"],
     step: Float[Array, "*s e"],
 ) -> Float[Array, "*s e"]:
@@ -63,14 +64,14 @@ def deviation(
 
 
 def slowness(
-    speed: Float[Array, "*s k"], desired: Float[Array, "*#s k"], time: Float[Array, "*s k"]
+    speed: Float[Array, "*s k"], desired: Float[Array, "*#s k"], *, time: Float[Array, "*s k"]
 ) -> Float[Array, "*s e"]:
     """Integral of (v_des - v)^2 dt (m^2/s), by segment: Eq. 24's length alone would reward not to drive."""
     return parts((desired - speed) ** 2, jnp.diff(time, axis=-1))
 
 
 def lateral_acceleration(
-    speed: Float[Array, "*s k"], kappa: Float[Array, "*s k"], time: Float[Array, "*s k"]
+    speed: Float[Array, "*s k"], kappa: Float[Array, "*s k"], *, time: Float[Array, "*s k"]
 ) -> Float[Array, "*s e"]:
     """Integral of (v^2 kappa)^2 dt (m^2/s^3), by segment."""
     return parts((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))

@@ -54,7 +54,7 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
     )
 
 
-def covered(offset: Float[Array, "n m"], half_width: float | Array, road: CrossSections) -> Float[Array, "n m Q"]:
+def covered(offset: Float[Array, "n m"], half_width: float | Array, *, road: CrossSections) -> Float[Array, "n m Q"]:
     """Width (m) of each lane that a footprint covers. Args: offset [n, M] m, of its middle; half_width m."""
     low, high = (offset - half_width)[..., None], (offset + half_width)[..., None]
     right = (road.lane_offset - road.lane_width / 2)[:, None, :]
@@ -69,7 +69,7 @@ def boundaries(road: CrossSections) -> Float[Array, "n e"]:
     return (right + left) / 2
 
 
-def bars(road: CrossSections, start: Int[np.ndarray, "s"], end: Int[np.ndarray, "e"]) -> Float[Array, "n s e"]:
+def bars(road: CrossSections, start: Int[np.ndarray, "s"], *, end: Int[np.ndarray, "e"]) -> Float[Array, "n s e"]:
     """Degree to which the way from lane to lane is barred, [n, S, E]: outwards over a line that may not be crossed.
 
     Back towards the route's lane the way is free. Args: start [S], end [E], lanes across.

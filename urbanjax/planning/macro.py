@@ -89,7 +89,7 @@ def plan(situation: Situation, driving: Driving, *, previous: Previous) -> Macro
     node_cost = functools.reduce(operator.add, nodes.values())
     start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]
     edge_cost = functools.reduce(operator.add, edges.values()) + node_cost[1:, None, :]
-    value, marginal, edge = layered_search(start_cost, edge_cost, relaxation, params.choice_scale)
+    value, marginal, edge = layered_search(start_cost, edge_cost, relaxation=relaxation, scale=params.choice_scale)
     bad = jnp.sum(marginal * node_bad, axis=1)
     bad = bad.at[0].add(jnp.sum(marginal[0] * start_bad)).at[1:].add(jnp.sum(edge * edge_bad, axis=(1, 2)))
     paid = [

@@ -167,17 +167,17 @@ def weighted_terms(
     """
     step = costs.segments(fan.position)
     last, counts = profile(previous, fan.station)
-    near = costs.barrier(room, params.min_clearance, params.barrier) * fade(fan.time, params)
+    near = costs.barrier(room, params.min_clearance, kind=params.barrier) * fade(fan.time, params)
     everywhere = jnp.ones_like(fan.station)[None, :]
     terms = {
         "length": step,
         "obstacle": costs.parts(near, step),
         "curvature": costs.curvature(fan.curvature, step),
         "curvature_rate": costs.curvature_rate(fan.curvature, step),
-        "transition": costs.deviation(fan.offset, last[None, :], counts[None, :], step),
-        "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], everywhere, step),
-        "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], fan.time),
-        "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, fan.time),
+        "transition": costs.deviation(fan.offset, last[None, :], counts=counts[None, :], step=step),
+        "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], counts=everywhere, step=step),
+        "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], time=fan.time),
+        "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, time=fan.time),
     }
     return jnp.sum(jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=1), axis=-1)
 

@@ -38,7 +38,7 @@ class LinkChain:
 FAR = 1e6  # m, the start of a link that is not there
 
 
-def predict(graph: RoadGraph, objects: Objects, locations: Location, params: PredictionParams) -> Prediction:
+def predict(graph: RoadGraph, objects: Objects, *, locations: Location, params: PredictionParams) -> Prediction:
     """Boxes of every object at H times, following its lane at constant speed and keeping its lateral offset.
 
     Branch b takes the b-th way at the first fork and the first way at later ones; where there is no b-th way the branch

@@ -84,8 +84,8 @@ def generate(situation: Situation, driving: Driving, *, macro_plan: MacroPlan) -
     at_end = jax.tree.map(lambda x: jnp.repeat(x[n:], repeats, axis=0), sampled)
     curvature = jnp.tan(state.steering) / driving.vehicle.wheelbase
 
-    over_time = planar(state, curvature, end, at_end, road)
-    over_station = stationwise(progress, state, curvature, end, road)
+    over_time = planar(state, curvature, end=end, at_end=at_end, road=road)
+    over_station = stationwise(progress, state, curvature=curvature, end=end, road=road)
     ramp = lean.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1.0, 1.0)
     fast = (2 + 3 * ramp - ramp**3) / 4
     joined = jax.tree.map(lambda a, b: fast * a + (1 - fast) * b, over_time, over_station)

@@ -46,7 +46,7 @@ class Lateral:
 
 
 def boundary(
-    speed: Array, acceleration: Array, heading: Array, curvature: Array
+    speed: Array, acceleration: Array, *, heading: Array, curvature: Array
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """First and second derivatives of (x, y) by time: along the heading, and v^2 kappa across it."""
     cos, sin = jnp.cos(heading), jnp.sin(heading)
@@ -54,13 +54,15 @@ def boundary(
     return (speed * cos, acceleration * cos - across * sin), (speed * sin, acceleration * sin + across * cos)
 
 
-def planar(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSections, road: CrossSections) -> Lateral:
+def planar(
+    state: VehicleState, curvature: Array, *, end: EndState, at_end: CrossSections, road: CrossSections
+) -> Lateral:
     """Candidates as x(t), y(t) (Eq. 16), at the moments when they cross the reference line's normals.
 
     Each crossing is found by Newton steps on the polynomials, so position, heading and curvature are exact, without
     interpolation. Args: curvature [] 1/m at the start; at_end, the road at each end state [J]; road, at the grid [K].
     """
-    c, duration = coefficients(state, curvature, end, at_end), end.duration[:, None]
+    c, duration = coefficients(state, curvature, end=end, at_end=at_end), end.duration[:, None]
     p = road.position[None] - state.position[None, None]
     lines = (c, p, jnp.cos(road.heading)[None], jnp.sin(road.heading)[None], duration)
     guess, _ = _uniform(state.speed, end, road.station - road.station[0])
@@ -99,7 +101,9 @@ def _horner(c: Sequence[Array], share: Array) -> tuple[Array, Array]:
     return value, slope
 
 
-def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: CrossSections) -> Float[Array, "j 6 2"]:
+def coefficients(
+    state: VehicleState, curvature: Array, *, end: EndState, at_end: CrossSections
+) -> Float[Array, "j 6 2"]:
     """Coefficients [J, 6, 2] of x and y, relative to the vehicle's position, by the share of the duration (Eq. 17-18).
 
     At both ends position, velocity and acceleration are matched, the acceleration across being v^2 kappa.
@@ -107,8 +111,8 @@ def coefficients(state: VehicleState, curvature: Array, end: EndState, at_end: C
     heading, end_curvature = shape.to_plane(at_end.heading, at_end.curvature, end.offset, end.slope, end.bend)
     # A vehicle that brakes to standstill before the end of the primitive would have to come back.
     acceleration = jnp.maximum(state.acceleration, -state.speed / end.duration)
-    (vx, ax), (vy, ay) = boundary(state.speed, acceleration, state.heading, curvature)
-    (wx, bx), (wy, by) = boundary(end.speed, end.acceleration, heading, end_curvature)
+    (vx, ax), (vy, ay) = boundary(state.speed, acceleration, heading=state.heading, curvature=curvature)
+    (wx, bx), (wy, by) = boundary(end.speed, end.acceleration, heading=heading, curvature=end_curvature)
     x = at_end.position[:, 0] - end.offset * jnp.sin(at_end.heading) - state.position[0]
     y = at_end.position[:, 1] + end.offset * jnp.cos(at_end.heading) - state.position[1]
     t, zero = end.duration, jnp.zeros_like(x)
@@ -134,7 +138,7 @@ def read(c: Float[Array, "j 6 n"], share: Float[Array, "j k"]) -> Float[Array, "
 
 
 def stationwise(
-    progress: Progress, state: VehicleState, curvature: Array, end: EndState, road: CrossSections
+    progress: Progress, state: VehicleState, *, curvature: Array, end: EndState, road: CrossSections
 ) -> Lateral:
     """Candidates as d(s): a quintic of station, well defined down to standstill, with uniform acceleration."""
     tangent = jnp.tan(lean.clip(progress.heading_error, -MAX_TURN, MAX_TURN))

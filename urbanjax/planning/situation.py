@@ -46,5 +46,5 @@ def look(
         here = progress(road, ego.position, heading=ego.heading)
     with jax.named_scope("prediction"):
         lanes = locate(course.graph, objects.position, heading=objects.heading, params=params.locate)
-        future = predict(course.graph, objects, lanes, params.prediction)
+        future = predict(course.graph, objects, locations=lanes, params=params.prediction)
     return Situation(road, here, ego, objects, future, observation.signals)

@@ -76,7 +76,7 @@ def test_collisions_are_overlaps_of_the_boxes():
     line = line_of(curved)
     other = cars([(28.0, 4.0, 0.5), (20.0, -3.0, -0.3), (15.0, 0.0, 0.0)], velocity=1.0)  # the last one does not count
     fan, plan = fan_of(line, state(), grid()), plan_of(line, prediction=other)
-    gap = np.asarray(limits.clearance(fan, other, VEHICLE, grid())).ravel()
+    gap = np.asarray(limits.clearance(fan, other, vehicle=VEHICLE, grid=grid())).ravel()
     hits = np.asarray(plan.reasons[FRENET_LIMITS.index("collision")]).ravel()
     np.testing.assert_array_equal(hits, gap < 0)
     for i, poses in enumerate(np.moveaxis(each(fan.values)[:3], 0, 1)):

@@ -40,7 +40,7 @@ def built(course, params=COARSE, relaxation=None):
     """The lattice of a course and the parameters it took."""
     params = sized(course.corridor, params)
     relaxation = as_arrays(relaxation or Relaxation())
-    return BUILD(course.corridor, as_arrays(VehicleParams()), as_arrays(params), relaxation), params
+    return BUILD(course.corridor, as_arrays(VehicleParams()), params=as_arrays(params), relaxation=relaxation), params
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_a_window_reads_what_the_whole_lattice_says(lattice):
     size, course = lattice.station.shape[0], float(lattice.course)
     params = as_arrays(SlideParams(behind=20.0, n_layers=7))
     for station in (0.0, 100.0, course - 5.0, course + 30.0, 2 * course + 1.0):
-        part = SLIDE(lattice, jnp.asarray(station), params)
+        part = SLIDE(lattice, jnp.asarray(station), params=params)
         lap = np.floor((np.asarray(part.station) + 1e-3) / course)
         index = np.array([np.argmin(np.abs(np.asarray(lattice.station) - s)) for s in part.station - lap * course])
         np.testing.assert_array_equal(np.diff(index) % size, 1)
@@ -168,7 +168,7 @@ def test_a_path_is_smooth_in_the_plane_and_as_long_as_its_edges(winding, lattice
     cost = jnp.where(lattice.edge > 0.5, lattice.length + jnp.asarray(rng.uniform(0, 8, lattice.edge.shape)), 1e5)
     _, nodes, edges = SEARCH(cost, as_arrays(Relaxation()))
     chosen, samples = np.asarray(nodes).argmax(1), 400
-    path = jax.tree.map(np.asarray, driven(winding.corridor, lattice, jnp.asarray(chosen), samples))
+    path = jax.tree.map(np.asarray, driven(winding.corridor, lattice, nodes=jnp.asarray(chosen), samples=samples))
     chords = np.diff(np.concatenate([path.position, path.position[:1]])[::10], axis=0)
     picked = np.asarray(edges) > 0.5
     assert np.linalg.norm(chords, axis=-1).sum() == pytest.approx(np.asarray(lattice.length)[picked].sum(), rel=2e-3)
@@ -202,7 +202,7 @@ def test_an_open_road_has_no_edges_beyond_its_end_and_none_over_a_solid_line():
         )
     )[0]
     assert not np.any(np.asarray(barred.edge)[:, (lane[:, None] == 1) & (lane[None, :] == 2)])
-    part = slide(open_road, jnp.asarray(1e4), SlideParams(n_layers=6))
+    part = slide(open_road, jnp.asarray(1e4), params=SlideParams(n_layers=6))
     np.testing.assert_array_equal(part.station, open_road.station[-6:])
 
 
@@ -230,6 +230,8 @@ def test_impossible_sizes_are_refused(winding, lattice):
     with pytest.raises(RoadError, match="raise its spacings"):
         sized(winding.corridor, COARSE.replace(lateral_spacing=0.01, bend_spacing=0.1))
     with pytest.raises(RoadError, match="2 layers or more"):
-        course_lattice.build(winding.corridor, VehicleParams(), COARSE.replace(n_layers=1), Relaxation())
+        course_lattice.build(
+            winding.corridor, VehicleParams(), params=COARSE.replace(n_layers=1), relaxation=Relaxation()
+        )
     with pytest.raises(RoadError, match="longer than the lattice"):
-        slide(lattice, jnp.asarray(0.0), SlideParams(n_layers=1000))
+        slide(lattice, jnp.asarray(0.0), params=SlideParams(n_layers=1000))

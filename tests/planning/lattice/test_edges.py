@@ -27,7 +27,7 @@ def between(a, b, slopes=(0.0, 0.0), profile=QUINTIC, **road):
     """The edge from offset a to offset b (m)."""
     offset = tuple(jnp.asarray([[x]], float) for x in (a, b))
     slope = tuple(jnp.asarray([[x]], float) for x in slopes)
-    found = join(offset, slope, steps(profile=profile, **road), profile, VehicleParams())
+    found = join(offset, slope, steps=steps(profile=profile, **road), profile=profile, vehicle=VehicleParams())
     return jax.tree.map(lambda x: float(x[0, 0, 0]), found)
 
 
@@ -95,10 +95,12 @@ def test_an_edge_exists_up_to_the_curvature_limit(x64):
     widest = 0.1 * LENGTH**2 * np.sqrt(3) / 10  # but for the slope, which lowers the curvature by some per cent
     for share, gone in ((0.95, 0), (1.3, 1)):
         offset = (jnp.zeros((1, 1)), jnp.full((1, 1), share * widest))
-        found = join(offset, jax.tree.map(jnp.zeros_like, offset), steps(), QUINTIC, VehicleParams())
+        found = join(
+            offset, jax.tree.map(jnp.zeros_like, offset), steps=steps(), profile=QUINTIC, vehicle=VehicleParams()
+        )
         limit = sharpest(VehicleParams(), limits)
-        assert refused(found, limit, limits, Relaxation())[0, 0, 0] == gone
-        cold = refused(found, limit, limits, Relaxation(1e-3, mode="soft"))
+        assert refused(found, limit, limits=limits, relaxation=Relaxation())[0, 0, 0] == gone
+        cold = refused(found, limit, limits=limits, relaxation=Relaxation(1e-3, mode="soft"))
         assert float(cold[0, 0, 0]) == pytest.approx(gone, abs=1e-6)
 
 
@@ -121,7 +123,7 @@ def test_an_edge_leaves_the_road_where_that_narrows_between_its_nodes(x64, profi
 def test_single_precision_is_enough_and_gradients_are_finite():
     def total(offset, kappa):
         road = steps(curvature=0.0).replace(curvature=jnp.full((1, QUINTIC.shares.size), kappa))
-        found = join((offset, offset), (0 * offset, 0 * offset), road, QUINTIC, VehicleParams())
+        found = join((offset, offset), (0 * offset, 0 * offset), steps=road, profile=QUINTIC, vehicle=VehicleParams())
         return jnp.sum(found.detour) + jnp.sum(found.curvature) + jnp.sum(found.bending) + jnp.sum(found.outside)
 
     offset = jnp.linspace(-2.0, 2.0, 5)[None]

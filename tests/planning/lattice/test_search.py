@@ -23,7 +23,7 @@ def lattice(x64):
 
 def test_hard_search_is_exhaustive_search(lattice):
     start, edges, paths, cost = lattice
-    value, nodes, marked = layered_search(start, edges, Relaxation())
+    value, nodes, marked = layered_search(start, edges, relaxation=Relaxation())
     best = paths[cost.argmin()]
     np.testing.assert_allclose(value, cost.min(), rtol=1e-14)
     np.testing.assert_array_equal(np.asarray(nodes).argmax(1), best)
@@ -36,7 +36,7 @@ def test_hard_search_is_exhaustive_search(lattice):
 def test_soft_search_is_the_gibbs_distribution_over_paths(lattice):
     start, edges, paths, cost = lattice
     t = 0.3
-    value, nodes, _ = layered_search(start, edges, Relaxation(0.3, mode="soft"))
+    value, nodes, _ = layered_search(start, edges, relaxation=Relaxation(0.3, mode="soft"))
     weight = np.exp(-(cost - cost.min()) / t)
     np.testing.assert_allclose(value, cost.min() - t * np.log(weight.sum()), rtol=1e-12)
     weight /= weight.sum()
@@ -47,8 +47,10 @@ def test_soft_search_is_the_gibbs_distribution_over_paths(lattice):
 def test_gradient_of_the_soft_value_is_the_marginals(lattice):
     start, edges, _, _ = lattice
     relaxation = Relaxation(0.3, mode="soft")
-    of_start, of_edges = jax.grad(lambda s, e: layered_search(s, e, relaxation)[0], argnums=(0, 1))(start, edges)
-    _, nodes, marked = layered_search(start, edges, relaxation)
+    of_start, of_edges = jax.grad(lambda s, e: layered_search(s, e, relaxation=relaxation)[0], argnums=(0, 1))(
+        start, edges
+    )
+    _, nodes, marked = layered_search(start, edges, relaxation=relaxation)
     np.testing.assert_allclose(of_start, nodes[0], atol=1e-12)
     np.testing.assert_allclose(of_edges, marked, atol=1e-12)
 
@@ -56,14 +58,14 @@ def test_gradient_of_the_soft_value_is_the_marginals(lattice):
 @pytest.mark.parametrize("temperature", [0.01, 0.1, 1.0, 10.0])
 def test_soft_value_is_a_lower_bound_within_t_log_n(lattice, temperature):
     start, edges, paths, cost = lattice
-    value, _, _ = layered_search(start, edges, Relaxation(temperature, mode="soft"))
+    value, _, _ = layered_search(start, edges, relaxation=Relaxation(temperature, mode="soft"))
     assert cost.min() - temperature * np.log(len(paths)) <= value <= cost.min()
 
 
 def test_temperature_to_zero_is_the_hard_search(lattice):
     start, edges, _, _ = lattice
-    hard = layered_search(start, edges, Relaxation())
-    cold = layered_search(start, edges, Relaxation(1e-3, mode="soft"))
+    hard = layered_search(start, edges, relaxation=Relaxation())
+    cold = layered_search(start, edges, relaxation=Relaxation(1e-3, mode="soft"))
     for a, b in zip(hard, cold, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
@@ -72,7 +74,7 @@ def test_straight_through_has_the_hard_value_and_the_soft_gradient(lattice):
     start, edges, _, _ = lattice
 
     def offset(relaxation):
-        return lambda e: jnp.sum(layered_search(start, e, relaxation)[1] @ jnp.arange(4.0))
+        return lambda e: jnp.sum(layered_search(start, e, relaxation=relaxation)[1] @ jnp.arange(4.0))
 
     value, gradient = jax.value_and_grad(offset(Relaxation(0.3, mode="straight_through")))(edges)
     assert value == offset(Relaxation())(edges)
@@ -81,7 +83,7 @@ def test_straight_through_has_the_hard_value_and_the_soft_gradient(lattice):
 
 def test_a_lattice_of_barred_edges_still_has_a_finite_answer():
     def value(cost):
-        return layered_search(jnp.full(3, cost), jnp.full((4, 3, 3), cost), Relaxation(0.1, mode="soft"))[0]
+        return layered_search(jnp.full(3, cost), jnp.full((4, 3, 3), cost), relaxation=Relaxation(0.1, mode="soft"))[0]
 
     assert np.isfinite(value(1e4))
     assert np.isfinite(jax.grad(value)(1e4))

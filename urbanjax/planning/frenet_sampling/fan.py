@@ -49,18 +49,18 @@ class FrenetFan:
         return self.values[5]
 
 
-def generate(line: ReferenceLine, state: FrenetState, grid: EndGrid) -> FrenetFan:
+def generate(line: ReferenceLine, state: FrenetState, *, grid: EndGrid) -> FrenetFan:
     """All candidates: a quartic s(t) to each end speed and acceleration, a quintic d to each offset.
 
     With `lateral` "station" d is a quintic of the way covered, which is well defined down to standstill. Past its
     duration a candidate goes on at its end speed and offset. Differentiable in the state and the line.
     """
-    along = motion.along(line, state.station, grid)
-    across = motion.across(along, state.offset, grid)
-    return FrenetFan(along, across, cartesian(along, across, grid))
+    along = motion.along(line, state.station, grid=grid)
+    across = motion.across(along, state.offset, grid=grid)
+    return FrenetFan(along, across, cartesian(along, across, grid=grid))
 
 
-def cartesian(along: Along, across: Across, grid: EndGrid) -> Float[Array, "6 d v n t"]:
+def cartesian(along: Along, across: Across, *, grid: EndGrid) -> Float[Array, "6 d v n t"]:
     """Position (m), heading (rad), speed (m/s), curvature (1/m) and acceleration (m/s^2) by FIELDS.
 
     The exact relations of a curve d(s) beside the line; with `heading` "slope" those of planners that take d' itself as

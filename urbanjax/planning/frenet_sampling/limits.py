@@ -29,7 +29,7 @@ class FrenetLimits:
 
 
 def broken(
-    fan: FrenetFan, prediction: Prediction | None, vehicle: VehicleParams, grid: EndGrid, limits: FrenetLimits
+    fan: FrenetFan, prediction: Prediction | None, *, vehicle: VehicleParams, grid: EndGrid, limits: FrenetLimits
 ) -> Bool[Array, "r d v n"]:
     """Which of FRENET_LIMITS each candidate breaks, [R, D, V * A, N]; a hard question, without a derivative.
 
@@ -56,7 +56,9 @@ def broken(
     excess = jnp.where(_counted(shape, grid.n_times)[:, None], excess, -jnp.inf)
     rates = jnp.max(excess.reshape(4, *shape, -1), axis=-1) > 0
     backwards = (jnp.min(fan.along.speed, axis=-1) < -SPEED_ROUNDING)[None]
-    hits = jnp.zeros((1, 1, 1), bool) if prediction is None else clearance(fan, prediction, vehicle, grid) < 0
+    hits = (
+        jnp.zeros((1, 1, 1), bool) if prediction is None else clearance(fan, prediction, vehicle=vehicle, grid=grid) < 0
+    )
     others = [
         jnp.broadcast_to(limit, shape) for limit in (backwards, jnp.any(fan.along.foot.outside, axis=-1)[None], hits)
     ]
@@ -82,7 +84,9 @@ def _counted(shape: tuple[int, ...], n_times: int) -> np.ndarray:
     return np.tile(np.stack([within, has_next, point >= 0, has_next]), (1, shape[1] * shape[2]))
 
 
-def clearance(fan: FrenetFan, prediction: Prediction, vehicle: VehicleParams, grid: EndGrid) -> Float[Array, "d v n"]:
+def clearance(
+    fan: FrenetFan, prediction: Prediction, *, vehicle: VehicleParams, grid: EndGrid
+) -> Float[Array, "d v n"]:
     """Smallest separating-axis gap [D, V * A, N] (m) between the ego's box and any predicted one at the same time."""
     time = grid.period * jnp.arange(grid.n_times).astype(fan.values.dtype)
     origin = fan.position[:, 0, 0, 0, 0]

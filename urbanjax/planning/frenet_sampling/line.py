@@ -36,6 +36,7 @@ class LineFoot:
 def reference_line(
     position: Float[Array, "g 2"],
     heading: Float[Array, "g"],
+    *,
     curvature: Float[Array, "g"],
     start: float | Float[Array, ""],
     spacing: float | Float[Array, ""],
@@ -49,7 +50,9 @@ def reference_line(
 
 def along_route(window: Corridor) -> ReferenceLine:
     """The reference line of a route's window."""
-    return reference_line(window.position, window.heading, window.curvature, window.station[0], window.spacing)
+    return reference_line(
+        window.position, window.heading, curvature=window.curvature, start=window.station[0], spacing=window.spacing
+    )
 
 
 def look_up(line: ReferenceLine, station: Float[Array, "*q"]) -> LineFoot:

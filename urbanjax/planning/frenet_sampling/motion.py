@@ -65,7 +65,7 @@ class Across:
     jerk: tuple[Array, Array, Array]  # m/s^3 at the start, m/s^4, m/s^5 (over the station per m)
 
 
-def along(line: ReferenceLine, start: Array, grid: EndGrid) -> Along:
+def along(line: ReferenceLine, start: Array, *, grid: EndGrid) -> Along:
     """The quartics s(t) from `start` [3] to each end speed and acceleration, whatever the station there."""
     within, past, ended, durations = _times(grid, line.rows.dtype)
     speeds, accelerations = (jnp.asarray(v, line.rows.dtype) for v in (grid.speeds, grid.accelerations))
@@ -83,7 +83,7 @@ def along(line: ReferenceLine, start: Array, grid: EndGrid) -> Along:
     return Along(station, speed, acceleration, LineFoot(*here, outside=foot.outside), reach=reach, jerk=jerk)
 
 
-def across(motion: Along, start: Array, grid: EndGrid) -> Across:
+def across(motion: Along, start: Array, *, grid: EndGrid) -> Across:
     """The quintics d from `start` [3] (m, m/s, m/s^2) to each offset, over time or over the way covered."""
     within, _, ended, durations = _times(grid, motion.station.dtype)
     if grid.lateral == "time":

@@ -100,7 +100,7 @@ def sized(corridor: Corridor, params: CourseLatticeParams) -> CourseLatticeParam
 
 
 def build(
-    corridor: Corridor, vehicle: VehicleParams, params: CourseLatticeParams, relaxation: Relaxation
+    corridor: Corridor, vehicle: VehicleParams, *, params: CourseLatticeParams, relaxation: Relaxation
 ) -> CourseLattice:
     """The lattice of a course; pure, of static size (see `sized`).
 
@@ -116,14 +116,18 @@ def build(
     slope = _slopes(fine, params)
     node = _nodes(road, offset, lane, vehicle, params, relaxation)
     joined = edges.join(
-        (offset[:-1], offset[1:]), (slope[:-1], slope[1:]), edges.steps_along(fine, spacing, QUINTIC), QUINTIC, vehicle
+        (offset[:-1], offset[1:]),
+        (slope[:-1], slope[1:]),
+        steps=edges.steps_along(fine, spacing, profile=QUINTIC),
+        profile=QUINTIC,
+        vehicle=vehicle,
     )
     steep = jnp.abs(offset[1:, None, :] - offset[:-1, :, None]) / spacing[:, None, None] - params.max_slope
     off = soft.either(
-        edges.refused(joined, edges.sharpest(vehicle, params.limits), params.limits, relaxation),
+        edges.refused(joined, edges.sharpest(vehicle, params.limits), limits=params.limits, relaxation=relaxation),
         soft.above(steep, 0.0, relaxation, scale=params.slope_scale),
     )
-    permitted = 1 - bars(jax.tree.map(lambda x: x[1:], road), lane, lane)
+    permitted = 1 - bars(jax.tree.map(lambda x: x[1:], road), lane, end=lane)
     there = node[:-1, :, None] * node[1:, None, :] * permitted * (1 - off)
     heading, curvature = shape.to_plane(road.heading[:, None], road.curvature[:, None], offset, slope, 0 * slope)
     left = jnp.stack([-jnp.sin(road.heading), jnp.cos(road.heading)], axis=-1)
@@ -155,7 +159,7 @@ def build(
     )
 
 
-def slide(lattice: CourseLattice, station: Float[Array, ""], params: SlideParams) -> CourseLattice:
+def slide(lattice: CourseLattice, station: Float[Array, ""], *, params: SlideParams) -> CourseLattice:
     """The W layers from the last one `behind` metres behind a station (m) on; piecewise constant in the station.
 
     A closed course goes on beyond its end: stations then rise by its length from lap to lap, so that they are those of

@@ -16,7 +16,7 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.types import Path
 
 
-def driven(corridor: Corridor, lattice: CourseLattice, nodes: Int[Array, "s"], samples: int) -> Path:
+def driven(corridor: Corridor, lattice: CourseLattice, *, nodes: Int[Array, "s"], samples: int) -> Path:
     """The path along the edges between one node per layer, with `samples` points per edge, evenly by station.
 
     On a closed course it ends where it began. Args: nodes [S], index across in each layer.

@@ -94,7 +94,7 @@ def layers_of(road: CrossSections, profile: EdgeProfile) -> CrossSections:
     return jax.tree.map(lambda x: x[:: profile.shares.size - 1], road)
 
 
-def steps_along(road: CrossSections, spacing: Float[Array, "e"], profile: EdgeProfile) -> Steps:
+def steps_along(road: CrossSections, spacing: Float[Array, "e"], *, profile: EdgeProfile) -> Steps:
     """The road along the steps. Args: road, at the `fine_stations`; spacing (m) of the layers."""
     right, left = drivable(road)
     count, parts = spacing.shape[0], profile.shares.size - 1
@@ -108,6 +108,7 @@ def steps_along(road: CrossSections, spacing: Float[Array, "e"], profile: EdgePr
 def join(
     offset: tuple[Float[Array, "e m"], Float[Array, "e k"]],
     slope: tuple[Float[Array, "e m"], Float[Array, "e k"]],
+    *,
     steps: Steps,
     profile: EdgeProfile,
     vehicle: VehicleParams,
@@ -175,7 +176,9 @@ def sharpest(vehicle: VehicleParams, limits: EdgeLimits) -> Array:
     return jnp.minimum(limits.max_curvature, limits.steering_share * steering)
 
 
-def refused(edges: Edges, sharpest: Array | float, limits: EdgeLimits, relaxation: Relaxation) -> Float[Array, "e m k"]:
+def refused(
+    edges: Edges, sharpest: Array | float, *, limits: EdgeLimits, relaxation: Relaxation
+) -> Float[Array, "e m k"]:
     """Degree to which each edge is too sharp or leaves the road. Args: sharpest (1/m), a number or [e, 1, 1]."""
     sharp = soft.above(edges.curvature - sharpest, 0.0, relaxation, scale=limits.curvature_scale)
     return soft.either(sharp, soft.above(edges.outside, limits.tolerance, relaxation, scale=limits.edge_scale))

@@ -114,7 +114,7 @@ def build(road: CrossSections, speed: Float[Array, "k"], *, time: Float[Array, "
         time=time[1:],
         speed=speed[1:],
         step_time=jnp.diff(time),
-        steps=steps_along(road, spacing, CORNER),
+        steps=steps_along(road, spacing, profile=CORNER),
     )
 
 
@@ -154,8 +154,8 @@ def node_terms(
     """
     vehicle, weights, relaxation = driving.vehicle, driving.params, driving.relaxation
     road, offset, ds = lattice.road, lattice.offset, lattice.spacing
-    covers = covered(offset, vehicle.width / 2, road) * road.present[:, None, :]
-    over = bars(road, lattice.lane, np.arange(road.barred.shape[1]))
+    covers = covered(offset, vehicle.width / 2, road=road) * road.present[:, None, :]
+    over = bars(road, lattice.lane, end=np.arange(road.barred.shape[1]))
     missing = vehicle.width - jnp.sum(covers, axis=-1) + 1 - road.present[:, lattice.lane]
     off_road = soft.above(missing, weights.edges.tolerance, relaxation, scale=weights.edges.edge_scale)
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
@@ -164,7 +164,7 @@ def node_terms(
     turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, least=0.2)
     opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
     return {
-        "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, weights.barrier),
+        "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, kind=weights.barrier),
         "curvature": weights.curvature * ds * smooth_abs(turn, 1e-4),
         "transition": weights.transition * ds * smooth_abs(offset - last[:, None]) * counts[:, None],
         "route": weights.route * ds * smooth_abs(offset - route[:, None]),
@@ -183,7 +183,7 @@ def ways(lattice: Lattice, offset: Float[Array, ""], *, vehicle: VehicleParams) 
     """
     own = jnp.broadcast_to(offset, lattice.offset[:1].shape)
     offsets = (jnp.concatenate([own, lattice.offset[:-1]]), lattice.offset)
-    return join(offsets, jax.tree.map(jnp.zeros_like, offsets), lattice.steps, CORNER, vehicle)
+    return join(offsets, jax.tree.map(jnp.zeros_like, offsets), steps=lattice.steps, profile=CORNER, vehicle=vehicle)
 
 
 def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
@@ -195,10 +195,12 @@ def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict
     weights, relaxation = driving.params, driving.relaxation
     ways = jax.tree.map(lambda x: x[1:], ways)
     bends = jnp.max(jnp.abs(lattice.steps.curvature[1:]), axis=1)[:, None, None]
-    beyond = refused(ways, jnp.maximum(sharpest(driving.vehicle, weights.edges), bends), weights.edges, relaxation)
+    beyond = refused(
+        ways, jnp.maximum(sharpest(driving.vehicle, weights.edges), bends), limits=weights.edges, relaxation=relaxation
+    )
     across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
     crossed = abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
-    barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, lattice.lane)
+    barred = bars(jax.tree.map(lambda x: x[1:], lattice.road), lattice.lane, end=lattice.lane)
     steep = _too_steep(across, lattice.spacing, lattice.speed[1:, None, None], weights, relaxation)
     bad = soft.either(soft.either(barred, steep), beyond)
     return {
@@ -225,7 +227,7 @@ def start_terms(
     crossed = own @ abs(lanes[:, None] - lattice.lane[None, :]).astype(offset.dtype)
     across = lattice.offset[0] - offset
     bad = soft.either(
-        own @ bars(first, lanes, lattice.lane)[0],
+        own @ bars(first, lanes, end=lattice.lane)[0],
         _too_steep(across, lattice.spacing, lattice.speed[0], weights, relaxation),
     )
     return {

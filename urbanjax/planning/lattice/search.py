@@ -12,6 +12,7 @@ from urbanjax.numerics.soft import Relaxation
 def layered_search(
     start_cost: Float[Array, "m"],
     edge_cost: Float[Array, "e m m"],
+    *,
     relaxation: Relaxation,
     scale: float | Array = 1.0,
 ) -> tuple[Float[Array, ""], Float[Array, "s m"], Float[Array, "e m m"]]:
@@ -43,6 +44,7 @@ def layered_search(
 def closed_search(
     edge_cost: Float[Array, "s m m"],
     relaxation: Relaxation,
+    *,
     scale: float | Array = 1.0,
     barred: float = 1e6,
 ) -> tuple[Float[Array, ""], Float[Array, "s m"], Float[Array, "s m m"]]:
@@ -56,7 +58,7 @@ def closed_search(
 
     def from_node(other: Array) -> tuple[Array, Array, Array]:
         ended = edge_cost.at[-1].add(other[None, :])
-        value, nodes, edges = layered_search(other, ended, relaxation, scale)
+        value, nodes, edges = layered_search(other, ended, relaxation=relaxation, scale=scale)
         return value, nodes[:-1], edges
 
     values, nodes, edges = jax.vmap(from_node)(others)
