@@ -59,7 +59,7 @@ class Trace:
 
 
 def trace(info: StackInfo) -> Trace:
-    """The part of `info` that figures and tables of a run need."""
+    """What figures and tables of a run need of a step. Args: info, of the stack in that step."""
     selection, lanes = info.choice.selection, info.speed_plan.lanes
     return Trace(
         path=selection.path,
@@ -84,8 +84,8 @@ def rollout(
 
     Pure: jit it with static `n_steps` and `keep`, vmap it over starts and parameters, differentiate it with respect to
     parameters. Args: course, what the drive is about; lanes, the simulator's tables of its graph
-    (`sim.lanes.from_graph`); start, the world; keep, what is kept of the info of each step; sensing, for a stack that
-    localizes itself from scans.
+    (`sim.lanes.from_graph`); start, the world; n_steps, steps of the stack; keep, what is kept of the info
+    of each step; sensing, for a stack that localizes itself from scans.
     """
     driver, sim = params.handed_down()
     course, relaxation = course.replace(graph=lanes.graph), driver.relaxation  # one graph in the program, not two

@@ -10,11 +10,12 @@ from urbanjax.numerics import safe
 
 
 def hat(
-    query: Float[Array, "n"], start: float | Array, spacing: float | Array, count: int, extrapolate: bool = False
+    query: Float[Array, "n"], start: float | Array, spacing: float | Array, count: int, *, extrapolate: bool = False
 ) -> Float[Array, "n g"]:
-    """Weights of linear interpolation at each query on the grid start + spacing * [0 .. count).
+    """Weights [n, G] of linear interpolation at each query on the grid start + spacing * [0 .. count).
 
-    Outside the grid the end value holds, or past its end the last slope if `extrapolate`.
+    Args: query [n]; start and spacing, of the grid, in the unit of the query; count G, of its points; extrapolate: past
+    the end the last slope holds, elsewhere outside the grid the end value.
     """
     u = (query - start) / spacing
     inside = safe.within(u, 0.0, count - 1.0)
@@ -33,12 +34,18 @@ def hat(
 def interpolate(
     query: Float[Array, "n"], start: float | Array, spacing: float | Array, values: Float[Array, "g *c"]
 ) -> Float[Array, "n *c"]:
-    """Values [n, ..] interpolated linearly from a uniform grid, the end values holding outside."""
+    """Values [n, ..] interpolated linearly from a uniform grid, the end values holding outside.
+
+    Args: query [n]; start and spacing, of the grid, in the unit of the query; values [G, ..], at its points.
+    """
     return product(hat(query, start, spacing, values.shape[0]), values)
 
 
 def product(weights: Float[Array, "n g"], values: Float[Array, "g *c"]) -> Float[Array, "n *c"]:
-    """Weighted sums over the grid, in full precision on every device: positions lose centimetres otherwise."""
+    """Weighted sums [n, ..] over the grid, in full precision on every device: positions lose centimetres otherwise.
+
+    Args: weights [n, G]; values [G, ..], at the points of the grid.
+    """
     return jnp.tensordot(weights, values, axes=1, precision=jax.lax.Precision.HIGHEST)
 
 
@@ -47,8 +54,9 @@ def smooth(
 ) -> tuple[Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]:
     """The uniform cubic B-spline with control points `values`: value, first and second derivative at each query.
 
-    C2; it passes through the first control point and holds the last one from one spacing past the grid on. A step
-    of one control point is spread over about three spacings, without overshoot.
+    C2; it passes through the first control point and holds the last one from one spacing past the grid on. A step of
+    one control point is spread over about three spacings, without overshoot. Args: query [n]; start and spacing, of the
+    grid, in the unit of the query; values [G].
     """
     count = values.shape[0]
     control = jnp.concatenate([2 * values[:1] - values[1:2], values, values[-1:], values[-1:]])

@@ -58,7 +58,7 @@ def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], *, origin: 
     weights = time_weights(prediction, time)
     values = jnp.stack([*jnp.unstack(local, axis=-1), jnp.cos(heading), jnp.sin(heading)])
     x, y, cos, sin = jnp.unstack(product(weights, jnp.moveaxis(values, -1, 0)), axis=1)
-    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)
+    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)  # opposite headings may cancel
     half_length, half_width = prediction.length[None, :] / 2, prediction.width[None, :] / 2
     return Box(x=x, y=y, cos=cos * size, sin=sin * size, half_length=half_length, half_width=half_width)
 

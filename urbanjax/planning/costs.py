@@ -10,12 +10,14 @@ from jaxtyping import Float
 from urbanjax.numerics import safe
 
 BARRIERS = ("hinge", "gaussian")
+CURVATURE_ROUNDING = 1e-4  # 1/m, a bend of 10 km radius, over which the tip of |kappa| is rounded
 
 
 def barrier(clearance: Float[Array, "*s"], threshold: float | Array, *, kind: str = "hinge") -> Float[Array, "*s"]:
     """Cost of being near: (c0 - c)^2 (m^2) below the threshold c0, or as `gaussian` exp(-(c / c0)^2 / 2) (no unit).
 
-    The printed + k ||O - N|| rewards nearness to obstacles; this one falls with clearance. Args: clearance, signed m.
+    The printed + k ||O - N|| rewards nearness to obstacles; this one falls with clearance. Args: clearance, signed m;
+    threshold c0, m; kind, one of BARRIERS.
     """
     if kind == "gaussian":
         return jnp.exp(-((jnp.maximum(clearance, 0) / threshold) ** 2) / 2)
@@ -24,27 +26,36 @@ def barrier(clearance: Float[Array, "*s"], threshold: float | Array, *, kind: st
 
 
 def smooth_abs(x: Float[Array, "*s"], rounding: float = 1e-3) -> Float[Array, "*s"]:
-    """|x| with a rounded tip: 0 at 0 and differentiable there, at most `rounding` below |x|."""
+    """|x| with a rounded tip: 0 at 0 and differentiable there. Args: x; rounding, how far it is below |x| at most."""
     return jnp.sqrt(x * x + rounding * rounding) - rounding
 
 
 def parts(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
-    """What each segment adds to the trapezoidal integral. Args: values at K points; step [.., K-1] between them."""
+    """What each segment adds to the trapezoidal integral.
+
+    Args: values [.., K] at points; step [.., K-1] between them.
+    """
     return (values[..., 1:] + values[..., :-1]) / 2 * step
 
 
 def segments(position: Float[Array, "*s k 2"]) -> Float[Array, "*s e"]:
-    """Distance (m) between consecutive points, [.., K-1]; their sum is the travelled distance f of Eq. 24."""
+    """Distance [.., K-1] (m) between consecutive points; their sum is the travelled distance f of Eq. 24.
+
+    Args: position [.., K, 2] m.
+    """
     return safe.norm(position[..., 1:, :] - position[..., :-1, :])
 
 
 def curvature(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
-    """Integral of |kappa| ds (rad), the second term of Eq. 22, by segment."""
-    return parts(smooth_abs(kappa, 1e-4), step)
+    """Integral of |kappa| ds (rad), the second term of Eq. 22, by segment.
+
+    Args: kappa [.., K] 1/m; step [.., K-1] m.
+    """
+    return parts(smooth_abs(kappa, CURVATURE_ROUNDING), step)
 
 
 def curvature_rate(kappa: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
-    """Integral of (d kappa / ds)^2 ds (1/m^3), by segment."""
+    """Integral of (d kappa / ds)^2 ds (1/m^3), by segment. Args: kappa [.., K] 1/m; step [.., K-1] m."""
     change = kappa[..., 1:] - kappa[..., :-1]
     return safe.divide(change * change, step)
 
@@ -58,7 +69,8 @@ def deviation(
 ) -> Float[Array, "*s e"]:
     """Integral of |offset - other| ds (m^2) at equal station, where it counts (Eq. 23), by segment.
 
-    The printed index-wise distance punishes driving on.
+    The printed index-wise distance punishes driving on. Args: offset [.., K] m, of the plan; other [.., K] m, the
+    offset that it is compared with; counts [.., K], degree to which that counts; step [.., K-1] m.
     """
     return parts(smooth_abs(offset - other) * counts, step)
 
@@ -66,12 +78,18 @@ def deviation(
 def slowness(
     speed: Float[Array, "*s k"], desired: Float[Array, "*#s k"], *, time: Float[Array, "*s k"]
 ) -> Float[Array, "*s e"]:
-    """Integral of (v_des - v)^2 dt (m^2/s), by segment: Eq. 24's length alone would reward not to drive."""
+    """Integral of (v_des - v)^2 dt (m^2/s), by segment: Eq. 24's length alone would reward not to drive.
+
+    Args: speed and desired, [.., K] m/s; time [.., K] s, of passing each point.
+    """
     return parts((desired - speed) ** 2, jnp.diff(time, axis=-1))
 
 
 def lateral_acceleration(
     speed: Float[Array, "*s k"], kappa: Float[Array, "*s k"], *, time: Float[Array, "*s k"]
 ) -> Float[Array, "*s e"]:
-    """Integral of (v^2 kappa)^2 dt (m^2/s^3), by segment."""
+    """Integral of (v^2 kappa)^2 dt (m^2/s^3), by segment.
+
+    Args: speed [.., K] m/s; kappa [.., K] 1/m; time [.., K] s, of passing each point.
+    """
     return parts((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))

@@ -30,7 +30,10 @@ class CrossSections:
 
 
 def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSections:
-    """Cross-sections at any stations [n] (m). Beyond the end of the route its last cross-section holds."""
+    """Cross-sections at any stations. Beyond the end of the route its last cross-section holds.
+
+    Args: window, of the route; station [n] m, along it.
+    """
     road: Sample = sample(window, station)
     lanes = window.has_lane.shape[-1]
     flags = jnp.concatenate([window.has_lane, window.oncoming, window.change], axis=-1).astype(station.dtype)
@@ -55,7 +58,10 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
 
 
 def covered(offset: Float[Array, "n m"], half_width: float | Array, *, road: CrossSections) -> Float[Array, "n m Q"]:
-    """Width (m) of each lane that a footprint covers. Args: offset [n, M] m, of its middle; half_width m."""
+    """Width [n, M, Q] (m) of each lane that a footprint covers.
+
+    Args: offset [n, M] m, of its middle; half_width m; road, at n stations.
+    """
     low, high = (offset - half_width)[..., None], (offset + half_width)[..., None]
     right = (road.lane_offset - road.lane_width / 2)[:, None, :]
     left = (road.lane_offset + road.lane_width / 2)[:, None, :]
@@ -63,7 +69,7 @@ def covered(offset: Float[Array, "n m"], half_width: float | Array, *, road: Cro
 
 
 def boundaries(road: CrossSections) -> Float[Array, "n e"]:
-    """Offset (m) of the line between each lane and the next one to the left, [n, Q - 1]."""
+    """Offset [n, Q - 1] (m) of the line between each lane and the next one to the left. Args: road, at n stations."""
     right = road.lane_offset[:, :-1] + road.lane_width[:, :-1] / 2
     left = road.lane_offset[:, 1:] - road.lane_width[:, 1:] / 2
     return (right + left) / 2
@@ -72,7 +78,7 @@ def boundaries(road: CrossSections) -> Float[Array, "n e"]:
 def bars(road: CrossSections, start: Int[np.ndarray, "s"], *, end: Int[np.ndarray, "e"]) -> Float[Array, "n s e"]:
     """Degree to which the way from lane to lane is barred, [n, S, E]: outwards over a line that may not be crossed.
 
-    Back towards the route's lane the way is free. Args: start [S], end [E], lanes across.
+    Back towards the route's lane the way is free. Args: road, at n stations; start [S] and end [E], lanes across.
     """
     middle = road.lane_offset.shape[1] // 2
     same_side = (start[:, None] - middle) * (end[None, :] - middle) >= 0
@@ -81,7 +87,10 @@ def bars(road: CrossSections, start: Int[np.ndarray, "s"], *, end: Int[np.ndarra
 
 
 def drivable(road: CrossSections) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Offsets [n] (m) of the right and the left border of the width from the route's lane outwards."""
+    """Offsets [n] (m) of the right and the left border of the width from the route's lane outwards.
+
+    Args: road, at n stations.
+    """
     middle = road.lane_offset.shape[1] // 2
 
     present = jnp.unstack(road.present, axis=-1)

@@ -9,6 +9,7 @@ from urbanjax.planning.micro import MICRO_TERMS, REASONS
 from urbanjax.planning.plan import Plan
 
 NONE = "-"
+FEASIBLE = 0.5  # degree from which a plan counts as feasible
 
 
 def explain(plan: Plan) -> dict[str, list[Any]]:
@@ -38,7 +39,7 @@ def explain(plan: Plan) -> dict[str, list[Any]]:
         verdicts = ("rejected" if reasons[k, i] else "kept" for k in pair)
         rows.append((f"limit: {name}", *verdicts, NONE, int(reasons[:, i].sum())))
     any_broken = np.max(reasons, axis=1) > 0
-    feasible = "kept" if float(plan.macro.feasible) > 0.5 else "rejected"
+    feasible = "kept" if float(plan.macro.feasible) > FEASIBLE else "rejected"
     rows.append(
         ("all limits", *("rejected" if any_broken[k] else "kept" for k in pair), feasible, int(any_broken.sum()))
     )

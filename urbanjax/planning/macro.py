@@ -138,13 +138,17 @@ def offset_at(plan: MacroPlan, station: Float[Array, "n"]) -> tuple[Float[Array,
     """Lateral offset [n] (m) of the plan at any stations, with its first and second derivative by station.
 
     The uniform cubic B-spline over the plan's layers, from the ego's own offset on: the lattice path has corners.
+    Args: plan; station [n] m, along the route.
     """
     values = jnp.concatenate([plan.start_offset[None], plan.offset])
     return smooth(station, plan.start_station, plan.station[0] - plan.start_station, values)
 
 
 def profile_at(plan: MacroPlan, station: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Free-flow time [n] (s) and speed [n] (m/s) of the plan at any stations; past its end, at its last speed."""
+    """Free-flow time [n] (s) and speed [n] (m/s) of the plan at any stations; past its end, at its last speed.
+
+    Args: plan; station [n] m, along the route.
+    """
     time = jnp.concatenate([jnp.zeros_like(plan.time[:1]), plan.time])
     speed = jnp.concatenate([plan.start_speed[None], plan.speed])
     spacing = plan.station[0] - plan.start_station

@@ -32,6 +32,7 @@ REASONS = (
     "collision",
     "off_road",
 )
+MIN_STEP, MIN_STEP_TIME = 1e-3, 1e-3  # m and s between two points, at the least, since rates are divided by them
 
 
 @pytree
@@ -192,7 +193,7 @@ def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> F
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
     rate = steering_rate(fan, vehicle)
-    gain = jnp.diff(fan.speed**2, axis=1) / (2 * jnp.maximum(costs.segments(fan.position), 1e-3))
+    gain = jnp.diff(fan.speed**2, axis=1) / (2 * jnp.maximum(costs.segments(fan.position), MIN_STEP))
     soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
     start = outside[:, :1] + params.recovery_slack * lean.clip(outside[:, :1] / params.edge_tolerance, 0.0, 1.0)
@@ -226,7 +227,7 @@ def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
     """
     steered = vehicle.wheelbase * fan.curvature  # tan of the angle
     middle = (steered[:, 1:] + steered[:, :-1]) / 2
-    time = jnp.maximum(jnp.diff(fan.time, axis=1), 1e-3)
+    time = jnp.maximum(jnp.diff(fan.time, axis=1), MIN_STEP_TIME)
     return jnp.abs(jnp.diff(steered, axis=1)) / ((1 + middle * middle) * time)
 
 

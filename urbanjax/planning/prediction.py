@@ -44,7 +44,8 @@ def predict(graph: RoadGraph, objects: Objects, *, locations: Location, params: 
     Branch b takes the b-th way at the first fork and the first way at later ones; where there is no b-th way the branch
     is invalid. A heading error dies out with `settle_time`, so that a vehicle on its way to the next lane is
     predicted sideways. An object that is not on a lane, or far off its direction, keeps a straight line, and so does
-    one beyond the end of the road.
+    one beyond the end of the road. Args: graph, the road graph; objects [O], everybody else; locations [O], of the
+    objects on the graph.
     """
     objects, locations = (
         jax.tree.map(lambda x: jnp.repeat(x, params.branches, axis=0), t) for t in (objects, locations)
@@ -84,7 +85,7 @@ def predict(graph: RoadGraph, objects: Objects, *, locations: Location, params: 
 def boxes_at(prediction: Prediction, time: Float[Array, "n"]) -> tuple[Float[Array, "b n 2"], Float[Array, "b n"]]:
     """Box centres [B, n, 2] (m) and headings [B, n] (rad) at any times [n] (s), linear between the predicted times.
 
-    Past the horizon objects keep their last velocity.
+    Past the horizon objects keep their last velocity. Args: prediction, of everybody else; time [n] s from now.
     """
     values = jnp.concatenate([prediction.position, prediction.heading[..., None]], axis=-1)
     sampled = product(time_weights(prediction, time), jnp.moveaxis(values, 0, 1))
@@ -93,7 +94,10 @@ def boxes_at(prediction: Prediction, time: Float[Array, "n"]) -> tuple[Float[Arr
 
 
 def time_weights(prediction: Prediction, time: Float[Array, "n"]) -> Float[Array, "n h"]:
-    """Weights over the predicted times that interpolate at any `time` [n] (s)."""
+    """Weights [n, H] over the predicted times that interpolate at any other.
+
+    Args: prediction, of everybody else; time [n] s from now.
+    """
     spacing = prediction.time[1] - prediction.time[0]
     return hat(time, prediction.time[0], spacing, prediction.time.shape[0], extrapolate=True)
 

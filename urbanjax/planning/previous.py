@@ -18,7 +18,7 @@ class Previous:
 
 
 def nothing(n: int) -> Previous:
-    """What a first step compares with: a grid of n stations that does not count."""
+    """What a first step compares with: a grid of stations that does not count. Args: n, how many they are."""
     return Previous(station=jnp.arange(n, dtype=jnp.zeros(()).dtype), offset=jnp.zeros(n), valid=jnp.zeros(()))
 
 
@@ -28,7 +28,10 @@ def remember(station: Float[Array, "n"], offset: Float[Array, "n"]) -> Previous:
 
 
 def profile(previous: Previous, station: Float[Array, "k"]) -> tuple[Float[Array, "k"], Float[Array, "k"]]:
-    """The previous offset [K] (m) and how much it counts [K], fading to 0 one spacing past its end."""
+    """The previous offset [K] (m) and how much it counts [K], fading to 0 one spacing past its end.
+
+    Args: previous, the plan of the step before; station [K] m, along the route.
+    """
     spacing = previous.station[1] - previous.station[0]
     offset = interpolate(station, previous.station[0], spacing, previous.offset)
     inside = jnp.clip((previous.station[-1] - station) / spacing + 1, 0, 1)

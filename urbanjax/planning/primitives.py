@@ -87,7 +87,7 @@ def generate(situation: Situation, driving: Driving, *, macro_plan: MacroPlan) -
     over_time = planar(state, curvature, end=end, at_end=at_end, road=road)
     over_station = stationwise(progress, state, curvature=curvature, end=end, road=road)
     ramp = lean.clip((state.speed - params.low_speed) / params.low_speed_ramp, -1.0, 1.0)
-    fast = (2 + 3 * ramp - ramp**3) / 4
+    fast = (2 + 3 * ramp - ramp**3) / 4  # from 0 at -1 to 1 at 1, level at both
     joined = jax.tree.map(lambda a, b: fast * a + (1 - fast) * b, over_time, over_station)
     beyond = continuation(macro_plan, end, station=road.station, params=params)
     inside = ahead[None, :] <= end.length[:, None]

@@ -48,7 +48,11 @@ class Lateral:
 def boundary(
     speed: Array, acceleration: Array, *, heading: Array, curvature: Array
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """First and second derivatives of (x, y) by time: along the heading, and v^2 kappa across it."""
+    """First and second derivatives of (x, y) by time: along the heading, and v^2 kappa across it.
+
+    Args: speed m/s; acceleration m/s^2, along the heading; heading rad; curvature 1/m; of shapes
+    that broadcast.
+    """
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     across = speed * speed * curvature
     return (speed * cos, acceleration * cos - across * sin), (speed * sin, acceleration * sin + across * cos)
@@ -60,7 +64,8 @@ def planar(
     """Candidates as x(t), y(t) (Eq. 16), at the moments when they cross the reference line's normals.
 
     Each crossing is found by Newton steps on the polynomials, so position, heading and curvature are exact, without
-    interpolation. Args: curvature [] 1/m at the start; at_end, the road at each end state [J]; road, at the grid [K].
+    interpolation. Args: state, of the ego; curvature [] 1/m, at the start; end [J], the end states; at_end, the road at
+    each of them; road, at the grid [K].
     """
     c, duration = coefficients(state, curvature, end=end, at_end=at_end), end.duration[:, None]
     p = road.position[None] - state.position[None, None]
@@ -106,7 +111,8 @@ def coefficients(
 ) -> Float[Array, "j 6 2"]:
     """Coefficients [J, 6, 2] of x and y, relative to the vehicle's position, by the share of the duration (Eq. 17-18).
 
-    At both ends position, velocity and acceleration are matched, the acceleration across being v^2 kappa.
+    At both ends position, velocity and acceleration are matched, the acceleration across being v^2 kappa. Args: state,
+    of the ego; curvature [] 1/m, at the start; end [J], the end states; at_end, the road at each of them.
     """
     heading, end_curvature = shape.to_plane(at_end.heading, at_end.curvature, end.offset, end.slope, end.bend)
     # A vehicle that brakes to standstill before the end of the primitive would have to come back.
@@ -125,6 +131,7 @@ def read(c: Float[Array, "j 6 n"], share: Float[Array, "j k"]) -> Float[Array, "
     """Value, first and second derivative [J, K, n, 3] of n polynomials at each share of their range.
 
     As a product of powers and coefficients: half the compile time of Horner's rule where gradients are taken.
+    Args: c [J, 6, n], coefficients from the constant up; share [J, K], 0 to 1.
     """
     order = jnp.arange(1, 6).astype(c.dtype)[None, :, None]
     last = jnp.zeros_like(c[:, :1])
@@ -140,7 +147,11 @@ def read(c: Float[Array, "j 6 n"], share: Float[Array, "j k"]) -> Float[Array, "
 def stationwise(
     progress: Progress, state: VehicleState, *, curvature: Array, end: EndState, road: CrossSections
 ) -> Lateral:
-    """Candidates as d(s): a quintic of station, well defined down to standstill, with uniform acceleration."""
+    """Candidates as d(s): a quintic of station, well defined down to standstill, with uniform acceleration.
+
+    Args: progress, of the ego along the route; state, of the ego; curvature [] 1/m, at the start; end [J], the end
+    states; road, at the grid [K].
+    """
     tangent = jnp.tan(lean.clip(progress.heading_error, -MAX_TURN, MAX_TURN))
     slope, bend = shape.from_plane(road.curvature[0], progress.offset, tangent, curvature)
     ones, size = jnp.ones_like(end.offset), end.length

@@ -54,6 +54,7 @@ def generate(line: ReferenceLine, state: FrenetState, *, grid: EndGrid) -> Frene
 
     With `lateral` "station" d is a quintic of the way covered, which is well defined down to standstill. Past its
     duration a candidate goes on at its end speed and offset. Differentiable in the state and the line.
+    Args: line, the reference; state, where the candidates begin; grid, of their ends.
     """
     along = motion.along(line, state.station, grid=grid)
     across = motion.across(along, state.offset, grid=grid)
@@ -65,6 +66,7 @@ def cartesian(along: Along, across: Across, *, grid: EndGrid) -> Float[Array, "6
 
     The exact relations of a curve d(s) beside the line; with `heading` "slope" those of planners that take d' itself as
     the tangent of the heading, which is the same on a straight line. No square root or division meets zero.
+    Args: along and across, the motions; grid, of their ends.
     """
     wide, foot = (across.offset.shape[0], *along.station.shape), along.foot
 

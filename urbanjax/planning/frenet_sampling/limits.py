@@ -34,7 +34,8 @@ def broken(
     """Which of FRENET_LIMITS each candidate breaks, [R, D, V * A, N]; a hard question, without a derivative.
 
     Rates are differences between points. The first and last two points are exempt from the limit on curvature: what the
-    vehicle does now no candidate can help, and both ends are straight across the line.
+    vehicle does now no candidate can help, and both ends are straight across the line. Args: fan, of candidates;
+    prediction, of everybody else, None if collisions do not count; vehicle; grid, of the fan; limits.
     """
     shape, period = fan.speed.shape[:-1], grid.period
     sharpest = jnp.tan(jnp.asarray(vehicle.max_steering, fan.values.dtype)) / vehicle.wheelbase
@@ -87,7 +88,10 @@ def _counted(shape: tuple[int, ...], n_times: int) -> np.ndarray:
 def clearance(
     fan: FrenetFan, prediction: Prediction, *, vehicle: VehicleParams, grid: EndGrid
 ) -> Float[Array, "d v n"]:
-    """Smallest separating-axis gap [D, V * A, N] (m) between the ego's box and any predicted one at the same time."""
+    """Smallest separating-axis gap [D, V * A, N] (m) between the ego's box and any predicted one at the same time.
+
+    Args: fan, of candidates; prediction, of everybody else; vehicle; grid, of the fan.
+    """
     time = grid.period * jnp.arange(grid.n_times).astype(fan.values.dtype)
     origin = fan.position[:, 0, 0, 0, 0]
     # Objects lead and candidates follow, [B, D, V * A, N, T], for long inner loops.

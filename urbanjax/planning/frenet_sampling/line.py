@@ -41,7 +41,11 @@ def reference_line(
     start: float | Float[Array, ""],
     spacing: float | Float[Array, ""],
 ) -> ReferenceLine:
-    """The table of a line from its position (m), heading (rad, unwrapped) and curvature (1/m), `spacing` (m) apart."""
+    """The table of a line given at uniform stations.
+
+    Args: position [G, 2] m; heading [G] rad, unwrapped; curvature [G] 1/m; start [] m, the station of the first row;
+    spacing [] m, between rows.
+    """
     slope = jnp.asarray(jnp.gradient(curvature)) / spacing
     rows = jnp.stack([position[:, 0], position[:, 1], heading, curvature, slope], axis=1)
     rows = jnp.concatenate([rows, jnp.diff(rows, axis=0, append=rows[-1:])], axis=1)
@@ -49,14 +53,17 @@ def reference_line(
 
 
 def along_route(window: Corridor) -> ReferenceLine:
-    """The reference line of a route's window."""
+    """The reference line of a route. Args: window, of the route's corridor."""
     return reference_line(
         window.position, window.heading, curvature=window.curvature, start=window.station[0], spacing=window.spacing
     )
 
 
 def look_up(line: ReferenceLine, station: Float[Array, "*q"]) -> LineFoot:
-    """The line at stations [m]: an arc between two rows, and straight on beyond an end (its curvature is kept)."""
+    """The line at some stations: an arc between two rows, and straight on beyond an end (its curvature is kept).
+
+    Args: line; station [*q] m.
+    """
     index, share, beyond = cell(line.start, line.spacing, n=line.rows.shape[0], station=station)
     row = line.rows.at[index].get(mode="promise_in_bounds")
     x, y, heading, curvature, slope = (row[..., i] + share * row[..., 5 + i] for i in range(5))

@@ -66,7 +66,10 @@ class Across:
 
 
 def along(line: ReferenceLine, start: Array, *, grid: EndGrid) -> Along:
-    """The quartics s(t) from `start` [3] to each end speed and acceleration, whatever the station there."""
+    """The quartics s(t) to each end speed and acceleration, whatever the station there.
+
+    Args: line, the reference; start [3] m, m/s, m/s^2, along it; grid, of end states.
+    """
     within, past, ended, durations = _times(grid, line.rows.dtype)
     speeds, accelerations = (jnp.asarray(v, line.rows.dtype) for v in (grid.speeds, grid.accelerations))
     end_speed = jnp.repeat(speeds, accelerations.shape[0])[:, None]
@@ -84,7 +87,10 @@ def along(line: ReferenceLine, start: Array, *, grid: EndGrid) -> Along:
 
 
 def across(motion: Along, start: Array, *, grid: EndGrid) -> Across:
-    """The quintics d from `start` [3] (m, m/s, m/s^2) to each offset, over time or over the way covered."""
+    """The quintics d to each offset, over time or over the way covered.
+
+    Args: motion, along the line; start [3] m, m/s, m/s^2, left of it; grid, of end states.
+    """
     within, _, ended, durations = _times(grid, motion.station.dtype)
     if grid.lateral == "time":
         state, reach, variable = start, durations[None, None], within[None, None]
@@ -105,7 +111,7 @@ def across(motion: Along, start: Array, *, grid: EndGrid) -> Across:
 
 
 def per_way(speed: Array) -> Array:
-    """1 / speed (s/m), and 0 where that is too slow to have a direction."""
+    """1 / speed (s/m), and 0 where that is too slow to have a direction. Args: speed m/s."""
     moving = speed > MIN_RATE
     return jnp.where(moving, 1 / jnp.where(moving, speed, 1), 0)
 

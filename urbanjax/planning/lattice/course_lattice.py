@@ -25,6 +25,7 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.types import RoadError, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
+SAME_PLACE, SAME_WAY = 1.0, 0.99  # m, and cosine of the angle, within which a course is back where it began
 BENDY = 0.3  # of the threshold of curvature, over which layers draw together
 LARGEST = 20_000_000  # edges of one lattice
 
@@ -84,6 +85,7 @@ def sized(corridor: Corridor, params: CourseLatticeParams) -> CourseLatticeParam
 
     Layers come in multiples of 16, so that courses of similar length share one compiled program; a course is closed
     where it ends at the pose it began with. Raises RoadError on impossible spacings and on a lattice too large to hold.
+    Args: corridor, of the whole course.
     """
     spacings = (params.straight_spacing, params.bend_spacing, params.bend_curvature, params.lateral_spacing)
     if not all(math.isfinite(float(x)) and float(x) > 0 for x in spacings):
@@ -105,7 +107,8 @@ def build(
     """The lattice of a course; pure, of static size (see `sized`).
 
     An edge is there if both its nodes are, no line between them is one that may not be crossed, and its curve is
-    neither too steep nor too sharp and stays on the road.
+    neither too steep nor too sharp and stays on the road. Args: corridor, of the whole course; vehicle; relaxation, of
+    the degrees.
     """
     if params.n_layers < 2 or params.nodes_per_lane < 1:
         raise RoadError(f"a lattice has 2 layers or more and 1 node per lane or more, not {params}")
@@ -160,10 +163,11 @@ def build(
 
 
 def slide(lattice: CourseLattice, station: Float[Array, ""], *, params: SlideParams) -> CourseLattice:
-    """The W layers from the last one `behind` metres behind a station (m) on; piecewise constant in the station.
+    """The W layers from the last one `behind` metres behind a station on; piecewise constant in the station.
 
     A closed course goes on beyond its end: stations then rise by its length from lap to lap, so that they are those of
-    the lap that `station` is on. At the ends of an open course, its first or last W layers.
+    the lap that `station` is on. At the ends of an open course, its first or last W layers. Args: lattice, of the
+    whole course; station [] m.
     """
     size, n = lattice.station.shape[0], params.n_layers
     if n > size:
@@ -195,7 +199,8 @@ def _is_loop(corridor: Corridor) -> bool:
         station=station,
     )
     away = float(np.linalg.norm(np.asarray(end.position[0]) - start[0]))
-    return away < 1.0 and math.cos(float(end.heading[0]) - start[1]) > 0.99 and float(corridor.length) > 1.0
+    back = away < SAME_PLACE and math.cos(float(end.heading[0]) - start[1]) > SAME_WAY
+    return back and float(corridor.length) > SAME_PLACE  # a shorter course has not left
 
 
 def _counted(corridor: Corridor, params: CourseLatticeParams) -> Float[Array, "n"]:

@@ -17,9 +17,10 @@ from urbanjax.types import Path
 
 
 def driven(corridor: Corridor, lattice: CourseLattice, *, nodes: Int[Array, "s"], samples: int) -> Path:
-    """The path along the edges between one node per layer, with `samples` points per edge, evenly by station.
+    """The path along the edges between one node per layer.
 
-    On a closed course it ends where it began. Args: nodes [S], index across in each layer.
+    On a closed course it ends where it began. Args: corridor, of the course; lattice, of it; nodes [S], index across in
+    each layer; samples, points per edge, evenly by station.
     """
     layers = jnp.arange(nodes.shape[0])
     offset, slope = lattice.offset[layers, nodes], lattice.slope[layers, nodes]

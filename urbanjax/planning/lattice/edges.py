@@ -63,7 +63,10 @@ def _quintic() -> EdgeProfile:
 
 
 def quintic_basis(shares: np.ndarray) -> np.ndarray:
-    """Value, first and second derivative [3, P, 4] by u of the quintics of both offsets and both slopes."""
+    """Value, first and second derivative [3, P, 4] by u of the quintics of both offsets and both slopes.
+
+    Args: shares [P] (host), the u at which they are taken.
+    """
     powers = [(1, 0, 0, -10, 15, -6), (0, 0, 0, 10, -15, 6), (0, 1, 0, -6, 8, -3), (0, 0, 0, -4, 7, -3)]
     basis = [[Polynomial(p).deriv(k)(shares) for p in powers] for k in range(3)]
     return np.array(basis).transpose(0, 2, 1)
@@ -83,19 +86,25 @@ QUINTIC, CORNER = _quintic(), _corner()
 
 
 def fine_stations(station: Float[Array, "s"], profile: EdgeProfile) -> Float[Array, "n"]:
-    """Stations [1 + (S - 1)(P - 1)] (m) of all shares of the steps between layers [S] (m), each once."""
+    """Stations [1 + (S - 1)(P - 1)] (m) of all shares of the steps between layers, each once.
+
+    Args: station [S] m, of the layers; profile, of the edges.
+    """
     shares = profile.shares[None, 1:].astype(station.dtype)
     inner = station[:-1, None] * (1 - shares) + station[1:, None] * shares
     return jnp.concatenate([station[:1], inner.ravel()])
 
 
 def layers_of(road: CrossSections, profile: EdgeProfile) -> CrossSections:
-    """The road at the layers alone. Args: road, at the `fine_stations`."""
+    """The road at the layers alone. Args: road, at the `fine_stations`; profile, of the edges."""
     return jax.tree.map(lambda x: x[:: profile.shares.size - 1], road)
 
 
 def steps_along(road: CrossSections, spacing: Float[Array, "e"], *, profile: EdgeProfile) -> Steps:
-    """The road along the steps. Args: road, at the `fine_stations`; spacing (m) of the layers."""
+    """The road along the steps.
+
+    Args: road, at the `fine_stations`; spacing [e] m, of the layers; profile, of the edges.
+    """
     right, left = drivable(road)
     count, parts = spacing.shape[0], profile.shares.size - 1
 
@@ -118,7 +127,8 @@ def join(
     Length and bending are integrals along the offset curve, of sqrt((1 - kappa d)^2 + d'^2) and of its curvature
     squared, exact where that is a polynomial in u of degree 9, or 3 with CORNER; QUINTIC's are within 1e-5 and 0.5 % on
     edges that move sideways by up to 0.4 of the step. The greatest curvature is that of the P samples.
-    Args: offset (m) and slope d' of the nodes [e, M] at the start and [e, K] at the end.
+    Args: offset (m) and slope d' of the nodes [e, M] at the start and [e, K] at the end; steps, the road along them;
+    profile, of the edges; vehicle.
     """
     spacing, half = steps.spacing[:, None, None], vehicle.width / 2
     change = ((steps.curvature[:, -1:] - steps.curvature[:, :1]) / steps.spacing[:, None])[:, :, None]
@@ -171,7 +181,7 @@ class EdgeLimits:
 
 
 def sharpest(vehicle: VehicleParams, limits: EdgeLimits) -> Array:
-    """The greatest curvature (1/m) that an edge may have."""
+    """The greatest curvature [] (1/m) that an edge may have. Args: vehicle; limits, of the edges."""
     steering = jnp.tan(jnp.asarray(vehicle.max_steering)) / vehicle.wheelbase
     return jnp.minimum(limits.max_curvature, limits.steering_share * steering)
 
@@ -179,6 +189,9 @@ def sharpest(vehicle: VehicleParams, limits: EdgeLimits) -> Array:
 def refused(
     edges: Edges, sharpest: Array | float, *, limits: EdgeLimits, relaxation: Relaxation
 ) -> Float[Array, "e m k"]:
-    """Degree to which each edge is too sharp or leaves the road. Args: sharpest (1/m), a number or [e, 1, 1]."""
+    """Degree [e, M, K] to which each edge is too sharp or leaves the road.
+
+    Args: edges; sharpest 1/m, a number or [e, 1, 1]; limits; relaxation, of the degree.
+    """
     sharp = soft.above(edges.curvature - sharpest, 0.0, relaxation, scale=limits.curvature_scale)
     return soft.either(sharp, soft.above(edges.outside, limits.tolerance, relaxation, scale=limits.edge_scale))

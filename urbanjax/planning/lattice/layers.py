@@ -10,7 +10,7 @@ from urbanjax.geometry import frenet
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import Passage, gaps
-from urbanjax.planning.costs import BARRIERS, barrier, smooth_abs
+from urbanjax.planning.costs import BARRIERS, CURVATURE_ROUNDING, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
 from urbanjax.planning.lattice.edges import (
     CORNER,
@@ -24,6 +24,7 @@ from urbanjax.planning.lattice.edges import (
     steps_along,
 )
 from urbanjax.planning.previous import Previous, profile
+from urbanjax.planning.shape import MIN_SCALE
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
@@ -161,11 +162,11 @@ def node_terms(
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
-    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, least=0.2)
+    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, least=MIN_SCALE)
     opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
     return {
         "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, kind=weights.barrier),
-        "curvature": weights.curvature * ds * smooth_abs(turn, 1e-4),
+        "curvature": weights.curvature * ds * smooth_abs(turn, CURVATURE_ROUNDING),
         "transition": weights.transition * ds * smooth_abs(offset - last[:, None]) * counts[:, None],
         "route": weights.route * ds * smooth_abs(offset - route[:, None]),
         "centre": weights.centre * ds * smooth_abs(offset - road.lane_offset[:, lattice.lane]),

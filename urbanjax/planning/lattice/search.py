@@ -21,7 +21,8 @@ def layered_search(
     Exact dynamic programming, V_i(j) = min_k c_i(j, k) + V_i+1(k); the printed argmin over single nodes is read as one
     over paths. Soft: V_i(j) = -T log sum_k exp(-(c_i(j, k) + V_i+1(k)) / T), so that V_hard - T log(paths) <= V and
     V <= V_hard, and the node and edge weights are the marginals of the Gibbs distribution over paths, dV/dc.
-    Args: start_cost [M], to each node of the first layer; edge_cost [S-1, M, M], from row to column, finite.
+    Args: start_cost [M], to each node of the first layer; edge_cost [S-1, M, M], from row to column, finite;
+    relaxation, of the minimum; scale, cost that counts as clearly cheaper.
     Returns: value; node weights [S, M], each row summing to 1; edge weights [S-1, M, M].
     """
 
@@ -51,7 +52,8 @@ def closed_search(
     """Cost of the best way round a closed course of S layers, back to the node where it began, and its weights.
 
     As `layered_search`, over all closed paths: the last layer leads to the first one. Args: edge_cost [S, M, M],
-    finite; barred, added to ends beside the start, more than any path costs.
+    finite; relaxation, of the minimum; scale, cost that counts as clearly cheaper; barred, added to ends beside the
+    start, more than any path costs.
     Returns: value; node weights [S, M]; edge weights [S, M, M].
     """
     others = barred * (1 - jnp.eye(edge_cost.shape[1], dtype=edge_cost.dtype))
