@@ -13,6 +13,11 @@ MOST_ARGUMENTS, MOST_LINES, LARGEST_ROOM = 7, 300, 0.25
 PROTOCOLS = ("init", "step", "rollout")  # (params, course or lanes, state, ...): their order is the protocol
 # Operators of arrays, whose order is that of the formula; everything else takes arguments past the second by keyword.
 OPERATORS: set[str] = {
+    "urbanjax.planning.basis.hat",
+    "urbanjax.planning.basis.interpolate",
+    "urbanjax.planning.basis.smooth",
+    "urbanjax.planning.shape.from_plane",
+    "urbanjax.planning.shape.to_plane",
     "urbanjax.numerics.lean.clip",
     "urbanjax.numerics.lean.where",
     "urbanjax.numerics.safe.within",

@@ -12,7 +12,7 @@ def test_curve_is_a_circle_and_lanes_are_parallel():
     lanes = roads.from_graph(graph)
     index = int(np.argmax(np.abs(graph.curvature).min(axis=1)))  # a link inside the arc
     links = jnp.full(50, index, jnp.int32)
-    row = roads.at(lanes, links, jnp.linspace(0.0, float(graph.length[index]), 50))
+    row = roads.at(lanes, links, station=jnp.linspace(0.0, float(graph.length[index]), 50))
     x, y, radius = np.asarray(row[:, 0]), np.asarray(row[:, 1]), 1 / float(graph.curvature[index].mean())
     centre = np.linalg.lstsq(np.c_[2 * x, 2 * y, np.ones(50)], x * x + y * y, rcond=None)[0]
     np.testing.assert_allclose(np.hypot(x - centre[0], y - centre[1]), radius, atol=0.01)
@@ -32,7 +32,7 @@ def test_place_inverts_at(road):
 
 def test_gradient_of_place_is_along_the_road(road):
     def station(position):
-        return roads.place(road.lanes, jnp.asarray([1], jnp.int32), position).station[0]
+        return roads.place(road.lanes, jnp.asarray([1], jnp.int32), position=position).station[0]
 
     np.testing.assert_allclose(jax.jit(jax.grad(station))(jnp.asarray([101.0, 0.4])), [1.0, 0.0], atol=1e-5)
 

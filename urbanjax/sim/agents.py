@@ -162,8 +162,8 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
     """Hand vehicles that passed the end of their link (or of their other link) to the next one."""
     length = take(lanes.graph.length, traffic.link)
     other_length = take(lanes.graph.length, traffic.other)
-    follows, goes_on = roads.following(lanes, traffic.link, traffic.route)
-    other_follows, other_goes_on = roads.following(lanes, traffic.other, traffic.route)
+    follows, goes_on = roads.following(lanes, traffic.link, choice=traffic.route)
+    other_follows, other_goes_on = roads.following(lanes, traffic.other, choice=traffic.route)
     past, other_past = traffic.station > length, traffic.other_station > other_length
     crosses, stays = past & goes_on, past & ~goes_on & take(lanes.ends, traffic.link)
     # In a lane change the other link is the lane being left, which goes on; otherwise it is the link behind.
@@ -184,7 +184,7 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
 
 def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Objects:
     """The vehicles as boxes in the world, [V]. Args: lanes, the simulator's tables; traffic, V vehicles."""
-    row = roads.at(lanes, traffic.link, traffic.station)
+    row = roads.at(lanes, traffic.link, station=traffic.station)
     heading = row[:, roads.HEADING]
     share = traffic.moved
     # 30 s^2 (1 - s)^2 is the derivative of the quintic.

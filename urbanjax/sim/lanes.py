@@ -32,7 +32,7 @@ class LaneTables:
 
 
 def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
-    """The simulator's tables of `graph` with `n_points` per link; done once, outside jit."""
+    """The simulator's tables of a road graph; done once, outside jit. Args: graph; n_points, per link."""
     n_links = graph.station.shape[0]
     order = jnp.argsort(~graph.has_successor, axis=1, stable=True)
     count = jnp.sum(graph.has_successor, axis=1).astype(jnp.int32)
@@ -90,12 +90,18 @@ def _table(graph: RoadGraph, n_points: int) -> Array:
 
 
 def take(values: Array, index: Array) -> Array:
-    """values[index] for indices in range: without the wrap and the clamp of plain indexing, which add up."""
+    """values[index] for indices in range: without the wrap and the clamp of plain indexing, which add up.
+
+    Args: values, of any shape; index, into the first axis.
+    """
     return values.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
-def at(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"]) -> Float[Array, "n 7"]:
-    """Rows of the table at `station` m along `link`, interpolated linearly and held beyond the ends."""
+def at(lanes: LaneTables, link: Int[Array, " n"], *, station: Float[Array, " n"]) -> Float[Array, "n 7"]:
+    """Rows of the table at places, interpolated linearly and held beyond the ends.
+
+    Args: lanes; link [N]; station [N] m, along it.
+    """
     last = lanes.n_points - 1
     u = jnp.clip(station / take(lanes.graph.length, link), 0.0, 1.0) * last
     index = jnp.clip(jnp.floor(u), 0, last - 1).astype(jnp.int32)
@@ -104,16 +110,22 @@ def at(lanes: LaneTables, link: Int[Array, " n"], station: Float[Array, " n"]) -
     return take(lanes.table, first) * (1 - share) + take(lanes.table, first + 1) * share
 
 
-def following(lanes: LaneTables, link: Int[Array, " n"], choice: Int[Array, " n"]) -> tuple[Int[Array, " n"], Array]:
-    """Next link of a driver who takes successor number `choice` mod count, and whether there is one."""
+def following(lanes: LaneTables, link: Int[Array, " n"], *, choice: Int[Array, " n"]) -> tuple[Int[Array, " n"], Array]:
+    """Next link of a driver, and whether there is one.
+
+    Args: lanes; link [N]; choice [N], of which the number of successors leaves the one that is taken.
+    """
     count = take(lanes.n_successors, link)
     branches = lanes.successor.shape[1]
     follows = take(lanes.successor.reshape(-1), link * branches + choice % jnp.maximum(count, 1))
     return follows, count > 0
 
 
-def place(lanes: LaneTables, link: Int[Array, " e"], position: Float[Array, "2"]) -> Projection:
-    """`position` projected on each link [e], its curvature left out; the station is held at the link's ends."""
+def place(lanes: LaneTables, link: Int[Array, " e"], *, position: Float[Array, "2"]) -> Projection:
+    """A position projected on each link [e], its curvature left out; the station is held at the link's ends.
+
+    Args: lanes; link [e]; position [2] m.
+    """
     rows = lanes.table.reshape(-1, lanes.n_points, 7)[link]
     share = jnp.linspace(0.0, 1.0, lanes.n_points, dtype=rows.dtype)
     station = lanes.graph.length[link][:, None] * share[None, :]

@@ -46,7 +46,7 @@ def record(
     ego, vehicle = world.ego, params.vehicle
     seen = look(params, lanes, world=world) if seen is None else seen
     links, exists = reaction.around(lanes.graph, seen.ego_link)
-    place = roads.place(lanes, links, seen.centre)
+    place = roads.place(lanes, links, position=seen.centre)
     error = ego.heading - place.heading
     left, right = _edges(place, error, 0.5 * lanes.width[links], exists, relaxation)
     aside, ahead = 0.5 * vehicle.width * jnp.cos(error[0]), 0.5 * vehicle.length * jnp.sin(error[0])

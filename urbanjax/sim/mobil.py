@@ -59,7 +59,7 @@ def beside(lanes: LaneTables, link: Int[Array, " n"], *, station: Float[Array, "
 
     Args: lanes, the simulator's tables; link [N]; station [N] m along it; left [] bool, which side.
     """
-    graph, row = lanes.graph, roads.at(lanes, link, station)
+    graph, row = lanes.graph, roads.at(lanes, link, station=station)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
     return Beside(
         take(jnp.where(left, graph.left_link, graph.right_link), link),

@@ -66,7 +66,7 @@ def look_ahead(
     """
     links, starts = [link], [jnp.where(exists, -station, -FAR)]
     for _ in range(n_links - 1):
-        follows, goes_on = roads.following(lanes, links[-1], choice)
+        follows, goes_on = roads.following(lanes, links[-1], choice=choice)
         starts.append(jnp.where(goes_on, starts[-1] + take(lanes.graph.length, links[-1]), -FAR))
         links.append(follows)
     return Chain(jnp.stack(links), jnp.stack(starts))

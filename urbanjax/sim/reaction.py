@@ -65,7 +65,7 @@ def own_link(
             number < lanes.n_successors[previous],
         ]
     )
-    place = roads.place(lanes, link, centre)
+    place = roads.place(lanes, link, position=centre)
     against = jnp.cos(heading - place.heading) < 0
     return link[jnp.argmin(jnp.where(exists, place.distance + jnp.where(against, AGAINST, 0.0), FAR))].astype(jnp.int32)
 
@@ -88,7 +88,7 @@ def presence(
     Args: lanes, the simulator's tables; link, the ego's own; ego, its state; vehicle, its dimensions.
     """
     links, exists = around(lanes.graph, link)
-    place = roads.place(lanes, links, box_centre(ego, vehicle))
+    place = roads.place(lanes, links, position=box_centre(ego, vehicle))
     along = ego.speed * jnp.cos(ego.heading - place.heading)
     across = ego.speed * jnp.sin(ego.heading - place.heading)
     to_come = jnp.abs(place.offset + params.anticipation * across)

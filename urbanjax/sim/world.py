@@ -96,8 +96,8 @@ def step(
 
     Once per step: lane changes, right of way, signals, and where the ego is. In each substep: everybody's following
     (IDM) and motion. Differentiable with respect to the ego's state and command; who leads whom, lane changes and
-    signals are hard choices. Args: lanes, of the road; world, now; command, of the ego; relaxation, of the traffic's
-    reaction to the ego; seen, the look at the world where it was already taken.
+    signals are hard choices. Args: lanes, of the road; world, now; command, of the ego; dt [] s; relaxation, of the
+    traffic's reaction to the ego; seen, the look at the world where it was already taken.
     """
     seen = look(params, lanes, world=world) if seen is None else seen
     traffic, ego_presence, held = _decide(params, lanes, world, seen)

@@ -47,7 +47,7 @@ def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes:
     """
     keys = jax.random.split(key, 4)
     link = jnp.asarray(params.ego_link, jnp.int32)
-    start = roads.at(lanes, link[None], jnp.asarray(params.ego_station)[None])[0]
+    start = roads.at(lanes, link[None], station=jnp.asarray(params.ego_station)[None])[0]
     position, heading = start[: roads.HEADING], start[roads.HEADING]
     zero = jnp.zeros_like(heading)
     ego = VehicleState(position, heading, zero + params.ego_speed, zero, zero)
@@ -77,7 +77,7 @@ def scatter(
     link = jnp.repeat(jnp.arange(graph.length.shape[0], dtype=jnp.int32), params.n_places)
     station = jnp.tile(station, graph.length.shape[0])
     inside = station + 0.5 * params.spacing <= graph.length[link]
-    row = roads.at(lanes, link, station)
+    row = roads.at(lanes, link, station=station)
     away = jnp.sum((row[:, : roads.HEADING] - keep_free[None, :]) ** 2, axis=-1) > params.spacing**2
     open_road = graph.valid[link] & (graph.road_type[link] != RoadType.JUNCTION) & ~lanes.ends[link]
     usable = inside & away & open_road

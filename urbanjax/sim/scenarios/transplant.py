@@ -27,7 +27,7 @@ def transplant(
     left = lanes.graph.left_link[link].astype(jnp.int32)
     own = jnp.where(traffic.link == RIGHT, link.astype(jnp.int32), left)
     where, station = _onwards(lanes, own, traffic.station + shift)
-    row = roads.at(lanes, link[None].astype(jnp.int32), (ego.position[0] + shift)[None])[0]
+    row = roads.at(lanes, link[None].astype(jnp.int32), station=(ego.position[0] + shift)[None])[0]
     heading = row[roads.HEADING]
     placed = VehicleState(row[: roads.HEADING], heading, ego.speed, ego.acceleration, ego.steering)
     vehicles = traffic.replace(link=where, station=station, other=where)
@@ -45,7 +45,7 @@ def _onwards(lanes: LaneTables, link: Int[Array, " v"], station: Float[Array, " 
     """Link and station of vehicles that follow their lane beyond its end."""
     for _ in range(CROSSED):
         length = lanes.graph.length[link]
-        following, goes_on = roads.following(lanes, link, jnp.zeros_like(link))
+        following, goes_on = roads.following(lanes, link, choice=jnp.zeros_like(link))
         beyond = (station > length) & goes_on
         link, station = jnp.where(beyond, following, link), jnp.where(beyond, station - length, station)
     return link, station
