@@ -80,7 +80,7 @@ def choose(
 
 
 def above(
-    x: Float[Array, "*s"], threshold: float | Array, relaxation: Relaxation, scale: float | Array = 1.0
+    x: Float[Array, "*s"], threshold: float | Array, relaxation: Relaxation, *, scale: float | Array = 1.0
 ) -> Float[Array, "*s"]:
     """Degree in [0, 1] to which x > threshold.
 

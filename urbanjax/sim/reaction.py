@@ -119,8 +119,8 @@ def braking(
         on_chain = (seen.link[:, None] == chain.link[m][None, :]) & (distance > -REACH)
         ahead = jnp.where(on_chain, jnp.minimum(ahead, distance), ahead)
     counts = seen.exists if params.reacts_to_oncoming else seen.exists & (seen.speed >= 0)
-    inside = soft.above(seen.reach, 0.0, relaxation, reaction.lateral_scale) * counts
-    passed = soft.above(ahead, 0.0, relaxation, reaction.passing_scale)
+    inside = soft.above(seen.reach, 0.0, relaxation, scale=reaction.lateral_scale) * counts
+    passed = soft.above(ahead, 0.0, relaxation, scale=reaction.passing_scale)
     gap = ahead - 0.5 * (seen.length + traffic.length)[None, :]
     shape = gap.shape
     idm = params.idm.replace(time_headway=jnp.broadcast_to(traffic.headway[None, :], shape))

@@ -27,7 +27,7 @@ def time_exposed(
     if relaxation.mode == "hard":
         degree = (margin >= 0).astype(ttc.dtype)
     else:
-        degree = soft.above(margin, 0.0, relaxation, threshold)
+        degree = soft.above(margin, 0.0, relaxation, scale=threshold)
     return dt * jnp.sum(jnp.where(valid, degree, 0), axis=-1)
 
 
