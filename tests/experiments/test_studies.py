@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.common import overtaking as overtake
-from experiments.common.overtaking import Fig10
+from experiments.common.overtaking import Fig10, OvertakeStudy
+from experiments.highway import figures as highway_figures
 from experiments.highway import study as highway
 from experiments.overtake import figures as overtake_figures
+from experiments.overtake import study as overtake
 from urbanjax.io.bridges.highway.episode import Episode
 from urbanjax.roadmap.builders import straight
 from urbanjax.types import ConfigError, config
@@ -123,7 +124,7 @@ def test_table_of_the_highway_study(tmp_path):
     assert flat["highway-v0_stack_collisions"] == 1
     assert flat["highway-v0_idm_mean_speed_mps"] == pytest.approx(20.5)
     assert len(highway.tracks(episodes)["time_s"]) == 4 * 31
-    highway.draw(rows, tmp_path / "highway.png")
+    highway_figures.draw(rows, tmp_path / "highway.png")
     assert (tmp_path / "highway.png").stat().st_size > 5000
 
 
@@ -132,7 +133,7 @@ STUDIES = {
     "highway": ("experiments.highway.study", "HighwayStudy"),
     "candidates": ("experiments.candidates.study", "CandidateStudy"),
     "benchmark": ("experiments.benchmark.study", "BenchStudy"),
-    "demo": ("experiments.demo", "DemoStudy"),
+    "demo": ("experiments.demo.study", "DemoStudy"),
     "localize": ("experiments.localize.study", "LocalizeStudy"),
     "register": ("experiments.register.study", "RegisterStudy"),
 }
@@ -156,11 +157,11 @@ def test_presets_override_only_what_a_study_has(name):
 
 def test_a_key_of_the_stack_is_named_with_its_nearest():
     with pytest.raises(ConfigError, match=r"nearest valid key is 'stack.behavior'"):
-        config.to_params(overtake.OvertakeStudy, {"stack": {"behavor": {"tau": 1.0}}})
-    tree = config.schema(overtake.OvertakeStudy)
+        config.to_params(OvertakeStudy, {"stack": {"behavor": {"tau": 1.0}}})
+    tree = config.schema(OvertakeStudy)
     assert "stack.behavior.gvp.tau" in config.nearest("stack.behavor.tau", config.keys(tree))
 
 
 def test_pictures_can_be_left_out():
     assert config.to_params(highway.HighwayStudy, {"gif_every": 0}).gif_every == 0
-    assert config.to_params(overtake.OvertakeStudy, {"gif_every": 0}).gif_every == 0
+    assert config.to_params(OvertakeStudy, {"gif_every": 0}).gif_every == 0

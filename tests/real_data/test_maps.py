@@ -27,6 +27,7 @@ COMMONROAD = {
     "commonroad/DEU_Starnberg-1_1_T-1": (91, 105, 11, 11, 8, 0, 0, 0, 3457.7),
     "commonroad/ESP_Toledo-7_5_T-1": (42, 48, 0, 0, 0, 10, 343, 1, 1771.5),
     "commonroad/USA_Roundabout-1": (46, 40, 2, 2, 0, 0, 0, 0, 565.5),
+    "commonroad_recorded/C-DEU_MONAMerge-2_1_T-299": (7, 4, 3, 3, 0, 51, 1464, 4, 853.3),
     "commonroad_recorded/OSC_CutIn-1_2_T-1": (2, 0, 0, 0, 0, 2, 200, 1, 1000.0),
     "commonroad_recorded/USA_Lanker-1_1_T-1": (91, 84, 57, 57, 0, 24, 938, 1, 1689.4),
     "commonroad_recorded/USA_Peach-4_8_T-1": (79, 76, 43, 43, 13, 9, 368, 1, 1638.4),

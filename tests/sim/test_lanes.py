@@ -23,7 +23,7 @@ def test_curve_is_a_circle_and_lanes_are_parallel():
 def test_place_inverts_at(road):
     lanes = road.lanes
     links = jnp.asarray([0, 1, 5], jnp.int32)
-    found = jax.jit(roads.place)(lanes, links, jnp.asarray([100.0, 0.4]))
+    found = jax.jit(roads.place)(lanes, links, position=jnp.asarray([100.0, 0.4]))
     np.testing.assert_allclose(found.station[:2], 100.0, atol=1e-3)
     np.testing.assert_allclose(found.offset[:2], [0.4 - 3.5, 0.4], atol=1e-5)
     assert found.station[2] == 0

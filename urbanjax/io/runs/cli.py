@@ -29,7 +29,7 @@ def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[]
     def decorate(body: Body) -> Callable[[], None]:
         @functools.wraps(body)
         def program() -> None:
-            folder = Path(inspect.getfile(body)).resolve().parents[2] / "configs" / name
+            folder = Path(inspect.getfile(inspect.unwrap(body))).resolve().parents[2] / "configs" / name
             tree = configs.schema(params_class)
             try:
                 _launch(name, tree, folder, functools.partial(_task, params_class, body))
