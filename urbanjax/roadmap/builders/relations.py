@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from urbanjax.roadmap.builders.curves import hermite
 from urbanjax.types import RoadError
@@ -100,6 +99,8 @@ def pieces(centre: np.ndarray, heading: np.ndarray, *, width: np.ndarray, length
     Raises RoadError where there are too many to be compared, as of lanes that lie on top of each other.
     Args: centre [L, P, 2] m; heading [L, P] rad; width [L] m; length [L] m.
     """
+    from scipy.spatial import cKDTree  # here: importing the package is not to wait for it
+
     count = np.maximum(np.ceil(length / (SPACING * PIECE)), 1).astype(int)
     if count.sum() > MOST_PIECES:
         raise RoadError(f"the lanes are {length.sum() / 1000:.0f} km long, too much for one map: cut it")

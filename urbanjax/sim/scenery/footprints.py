@@ -2,7 +2,6 @@
 
 import jax
 import numpy as np
-from scipy.spatial import cKDTree
 
 from urbanjax.geometry.boxes import box, overlap
 from urbanjax.roadmap.graph import RoadGraph
@@ -23,6 +22,8 @@ def clearance(graph: RoadGraph, centre: np.ndarray, *, heading: np.ndarray, half
     lane: a clearance of at least 1 m is right, a smaller one means too close. Args: graph, the road graph; centre [K,
     2] m; heading [K] rad; half [K, 2] m, half of length and width; host arrays.
     """
+    from scipy.spatial import cKDTree  # here: importing the package is not to wait for it
+
     lines = np.concatenate([np.asarray(line, float)[np.asarray(graph.valid)] for line in _lines(graph)])
     n = int(np.ceil(np.linalg.norm(np.diff(lines, axis=1), axis=-1).max() / SPACING))
     share = (np.arange(n) / n)[:, None]
@@ -85,6 +86,8 @@ def apart(
 
 def _near(centre: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of circles that overlap: small ones among each other, and every large one with all."""
+    from scipy.spatial import cKDTree  # here: importing the package is not to wait for it
+
     large = size > LARGE
     reach = size.max(initial=0.0)
     pairs = [cKDTree(centre[~large]).query_pairs(2 * LARGE, output_type="ndarray")] if (~large).any() else []

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from jax import Array
-from scipy.spatial import cKDTree
 
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.scenery.footprints import apart, clearance
@@ -60,6 +59,8 @@ class _Zones:
     """Each place belongs to the nearest of random points on the roads, which has a style."""
 
     def __init__(self, graph: RoadGraph, sides: list[Roadside], rng: np.random.Generator) -> None:
+        from scipy.spatial import cKDTree  # here: importing the package is not to wait for it
+
         road = np.asarray(graph.centre, float)[np.asarray(graph.valid)].reshape(-1, 2)
         n = min(max(round(sum(side.length for side in sides) / ZONE), 1), len(road))
         self.tree = cKDTree(rng.choice(road, n, replace=False))
