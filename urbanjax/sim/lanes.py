@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from urbanjax.geometry import polyline
 from urbanjax.geometry.polyline import Projection
+from urbanjax.numerics import polynomial
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import pytree, static
 
@@ -66,7 +67,7 @@ def _table(graph: RoadGraph, n_points: int) -> Array:
         return values[:, index] * (1 - share) + values[:, index + 1] * share
 
     heading = along(graph.heading)
-    rise = share * share * (3 - 2 * share)
+    rise = polynomial.smoothstep(share)
     out, back = share * (1 - share) ** 2, share * share * (share - 1)
     spacing = (graph.station[:, 1:] - graph.station[:, :-1])[:, index]
 

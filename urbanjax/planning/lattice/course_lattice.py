@@ -13,7 +13,6 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.geometry import frenet
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import shape
@@ -22,6 +21,7 @@ from urbanjax.planning.lattice import edges
 from urbanjax.planning.lattice.edges import QUINTIC, EdgeLimits
 from urbanjax.planning.lattice.layers import node_offsets
 from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.progress import to_world
 from urbanjax.types import RoadError, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -190,16 +190,9 @@ def _is_loop(corridor: Corridor) -> bool:
     """Whether the course ends at the pose with which it began."""
     start = np.asarray(corridor.position[0]), float(corridor.heading[0])
     station = corridor.length[None]
-    end = frenet.sample(
-        corridor.position,
-        corridor.heading,
-        curvature=corridor.curvature,
-        start=corridor.station[0],
-        spacing=corridor.spacing,
-        station=station,
-    )
-    away = float(np.linalg.norm(np.asarray(end.position[0]) - start[0]))
-    back = away < SAME_PLACE and math.cos(float(end.heading[0]) - start[1]) > SAME_WAY
+    end, heading, _ = to_world(corridor, station, offset=jnp.zeros_like(station))
+    away = float(np.linalg.norm(np.asarray(end[0]) - start[0]))
+    back = away < SAME_PLACE and math.cos(float(heading[0]) - start[1]) > SAME_WAY
     return back and float(corridor.length) > SAME_PLACE  # a shorter course has not left
 
 
