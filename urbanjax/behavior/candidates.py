@@ -6,6 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
+from urbanjax.numerics.once import once
 from urbanjax.planning.clearance import Passage, gaps
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.progress import Sample
@@ -40,10 +41,8 @@ def connect(
     bend = -(6 * away / length + 4 * slope) / length
     blend = polynomial.quintic((away, slope, bend), (zero, zero, zero), duration=length)
     deviation, first, second = polynomial.evaluate(blend, jnp.clip(station - station[0], 0, length))
-    offset = lane + deviation
-    heading, curvature = frenet.offset_curve(
-        road.heading, road.curvature, offset=offset, slope=lane_slope + first, bend=second
-    )
+    offset, slope, bend = once(lane + deviation, lane_slope + first, second)
+    heading, curvature = frenet.offset_curve(road.heading, road.curvature, offset=offset, slope=slope, bend=bend)
     position = frenet.to_world(frenet.Reference(road.position, road.heading, road.curvature), offset)
     return Path(station=station, offset=offset, position=position, heading=heading, curvature=curvature)
 
