@@ -49,9 +49,8 @@ def sample(corridor: Corridor, station: Float[Array, "*n"]) -> Sample:
     """
     flags = jnp.concatenate([corridor.has_lane, corridor.oncoming], axis=-1).astype(station.dtype)
     columns = (corridor.lane_offset, corridor.lane_width, corridor.curvature, corridor.speed_limit, flags)
-    # Read once: it would be fused into each of its many users, and read anew there.
-    place = lax.optimization_barrier(frenet.locate(_line(corridor, *columns), station))
-    at, lanes = lax.optimization_barrier(frenet.read(place)), corridor.lane_offset.shape[-1]
+    place = frenet.locate(_line(corridor, *columns), station)
+    at, lanes = frenet.read(place), corridor.lane_offset.shape[-1]
     lane_offset, lane_width, curvature, limit, _ = jnp.split(
         at.others, (lanes, 2 * lanes, 2 * lanes + 1, 2 * lanes + 2), axis=-1
     )

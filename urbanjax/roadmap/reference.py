@@ -5,7 +5,7 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.geometry import frenet
-from urbanjax.numerics import safe
+from urbanjax.numerics import polynomial, safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.links import beside, foot, sample
 from urbanjax.roadmap.route import Route
@@ -88,7 +88,7 @@ def rows(graph: RoadGraph, path: Walk, *, u: Float[Array, "n"], blend_length: fl
     station = path.start[r] + along
     reach = jnp.maximum(jnp.minimum(blend_length, path.part[r]), SHORTEST)
     t = jnp.where(change, jnp.clip((along - path.part[r] / 2) / reach + 0.5, 0, 1), 0)
-    weight = t**3 * (10 - 15 * t + 6 * t * t)
+    weight = polynomial.smoother_step(t)
     slope = 30 * (t * (1 - t)) ** 2 / reach
     bend = 60 * t * (1 - t) * (1 - 2 * t) / reach**2
 

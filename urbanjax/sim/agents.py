@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import polynomial, safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
@@ -126,11 +126,6 @@ def stop_braking(traffic: Traffic, distance: Float[Array, " v"], *, params: Traf
     return interaction(traffic.speed, distance, front_speed=jnp.zeros_like(distance), params=params.idm)
 
 
-def blend(share: Float[Array, " v"]) -> Float[Array, " v"]:
-    """Quintic from 0 to 1 over a share in [0, 1], at rest at both ends. Args: share [V]."""
-    return share * share * share * (10 - 15 * share + 6 * share * share)
-
-
 def move(
     lanes: LaneTables, traffic: Traffic, *, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
 ) -> Traffic:
@@ -144,7 +139,7 @@ def move(
     # The lateral move goes with the distance below a walking pace, so that nobody slides sideways at a halt.
     pace = jnp.minimum(speed / params.min_speed, 1.0) / params.change_duration
     moved = jnp.minimum(traffic.moved + pace * dt, 1.0)
-    share = blend(moved)
+    share = polynomial.smoother_step(moved)
     moving = moved < 1
     traffic = traffic.replace(
         speed=speed,
