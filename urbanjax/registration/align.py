@@ -23,7 +23,7 @@ from urbanjax.registration.linear import (
     sandwich,
 )
 from urbanjax.registration.points import PointCloud
-from urbanjax.types import pytree, static
+from urbanjax.types import Status, pytree, static
 
 # Units in the last place by which a step may raise the cost: near the minimum it is flat, and what rounding adds is no
 # reason to refuse a step.
@@ -58,6 +58,11 @@ class Alignment:
     hessian: Array  # [6, 6] H
     covariance: Array  # [6, 6] of the twist [rad, m]: the sandwich H^-1 (sum g g') H^-1
 
+    @property
+    def status(self) -> Array:
+        """[] int32, a Status."""
+        return jnp.where(self.converged, int(Status.OK), int(Status.NOT_CONVERGED))
+
 
 def align(
     source: PointCloud, target: DistributionMap, *, start: jaxlie.SE3, params: AlignParams | None = None
@@ -66,7 +71,7 @@ def align(
 
     Gradients of the pose with respect to the points, the map and the parameters are those of the fixed point (implicit
     function theorem), with correspondences held; there is none with respect to the start. Failure is a value: look at
-    `converged` and `inlier_share`. Args: source, the scan in its body frame; target, the map; start, T_map_body nearby.
+    `status` and `inlier_share`. Args: source, the scan in its body frame; target, the map; start, T_map_body nearby.
     """
     params = AlignParams() if params is None else params
     begin = Rigid(start.rotation().as_matrix(), start.translation() - target.origin)
