@@ -7,10 +7,11 @@ import pytest
 
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadType
-from urbanjax.roadmap.locate import LocateParams, locate, misfit
+from urbanjax.roadmap.locate import LocateParams, follow, locate, misfit
 from urbanjax.roadmap.padding import GraphSize, pad
 
 locate_jit = jax.jit(locate)
+follow_jit = jax.jit(follow)
 sample_jit = jax.jit(links.sample)
 N = 64
 
@@ -107,6 +108,32 @@ def test_hysteresis_keeps_the_lane_until_the_other_is_clearly_nearer(road):
     down = drive(np.arange(3.5, 0.0, -0.1))
     assert up.index(1) * 0.1 == pytest.approx(2.0, abs=0.15)
     assert 3.5 - down.index(2) * 0.1 == pytest.approx(1.5, abs=0.15)
+
+
+def test_a_pose_is_followed_to_neighbours_and_successors_with_hysteresis(road):
+    def link(previous, x, y, heading=0.0):
+        start = jnp.asarray(previous, jnp.int32)
+        where = jnp.asarray([x, y], jnp.float32)
+        return int(follow_jit(road, start, position=where, heading=jnp.float32(heading), params=LocateParams()))
+
+    assert link(2, 50.0, 0.1) == link(2, 50.0, 1.95) == link(1, 50.0, 1.45) == 2
+    assert link(2, 50.0, 2.05) == link(1, 50.0, 1.55) == 1
+    assert link(2, 101.0, 0.2) == road.successor[2, 0]
+    assert link(2, 50.0, 0.1, heading=2.0) == 2
+
+
+def test_where_a_pose_can_be_it_is_followed_to_what_is_located(district):
+    rng = np.random.default_rng(3)
+    link = rng.choice(np.flatnonzero(np.asarray(district.road_type) != RoadType.JUNCTION), N)
+    station = rng.uniform(0.02, 0.98, N) * np.asarray(district.length)[link]
+    position, heading = poses(district, link, station, rng.uniform(-1.0, 1.0, N))
+    params = LocateParams()
+    each = jax.jit(jax.vmap(lambda k, p, h: follow(district, k, position=p, heading=h, params=params)))
+    found = locate_jit(district, position, heading=heading).link
+    np.testing.assert_array_equal(each(found, position, heading), found)
+    has = np.asarray(district.has_predecessor[found, 0])
+    before = jnp.where(has, district.predecessor[found, 0], found).astype(jnp.int32)
+    np.testing.assert_array_equal(each(before, position, heading), found)
 
 
 def test_station_and_offset_have_exact_gradients(district, course_links, x64):

@@ -5,6 +5,7 @@ import pytest
 
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.builders import two_way
+from urbanjax.roadmap.locate import follow
 from urbanjax.sim import agents, reaction
 from urbanjax.sim import lanes as roads
 from urbanjax.sim import world as worlds
@@ -19,7 +20,7 @@ def _braking(lanes, params, traffic, ego, link, relaxation):
     centre = box_centre(ego, params.vehicle)
     seen = reaction.presence(
         lanes,
-        reaction.own_link(lanes, link, centre=centre, heading=ego.heading),
+        follow(lanes.graph, link, position=centre, heading=ego.heading, params=params.locate),
         ego=ego,
         vehicle=params.vehicle,
         params=params.reaction,
@@ -113,17 +114,3 @@ def test_gradient_matches_differences(road):
             differences = [(value(start + size * e) - value(start - size * e)) / (2 * size) for e in jnp.eye(4)]
             np.testing.assert_allclose(gradient, differences, rtol=1e-5, atol=1e-8)
             assert np.all(np.abs(gradient) > 1e-9)
-
-
-def test_own_link_follows_the_ego(road):
-    def link(previous, x, y, heading=0.0):
-        centre = jnp.asarray([x, y])
-        return int(
-            reaction.own_link(road.lanes, jnp.asarray(previous, jnp.int32), centre=centre, heading=jnp.asarray(heading))
-        )
-
-    assert link(1, 100.0, 0.2) == 1
-    assert link(1, 100.0, 1.8) == 0
-    assert link(1, 251.0, 0.2) == 3
-    assert link(3, 251.0, 3.0) == 2
-    assert link(1, 100.0, 0.2, 2.0) == 1

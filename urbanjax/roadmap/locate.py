@@ -71,6 +71,31 @@ def locate(
     return Location(link, at.station, at.offset, safe.wrap_angle(heading - at.heading), at.distance, valid)
 
 
+def follow(
+    graph: RoadGraph,
+    previous: Int[Array, ""],
+    *,
+    position: Float[Array, "2"],
+    heading: Float[Array, ""],
+    params: LocateParams,
+) -> Int[Array, ""]:
+    """The link of one pose that was on `previous` a moment ago: this one, a neighbour of it or a successor.
+
+    As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at.
+    Args: graph, the road graph; previous, a link; position [2] m; heading [] rad.
+    """
+    links = jnp.concatenate(
+        [jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]]), graph.successor[previous]]
+    )
+    beside = jnp.stack([jnp.array(True), graph.has_left[previous], graph.has_right[previous]])
+    exists = jnp.concatenate([beside, graph.has_successor[previous]])
+    _, distance, angle = _nearest(graph, links[None], position[None])
+    cost = distance + _heading_cost(safe.wrap_angle(heading - angle), params)
+    aside = jnp.zeros(len(links), bool).at[1:3].set(True)  # the second and third of `links`
+    cost = cost[0] + jnp.where(aside, params.hysteresis, 0.0)
+    return links[jnp.argmin(jnp.where(exists, cost, FAR))].astype(jnp.int32)
+
+
 def misfit(
     graph: RoadGraph, position: Float[Array, "n 2"], *, heading: Float[Array, "n"], params: LocateParams
 ) -> Float[Array, "n l"]:

@@ -21,7 +21,6 @@ from urbanjax.vehicle.model import box_centre
 from urbanjax.vehicle.params import VehicleParams
 
 REACH = 10.0  # m behind a driver up to which the ego is still looked for, so that passing it is smooth
-AGAINST = 100.0  # m, by which a link counts as farther if the ego drives against it: only if there is no other
 BASE, LEFT, RIGHT = range(3)  # places in `Presence`; the others are links in the opposite direction
 
 
@@ -45,29 +44,6 @@ class Presence:
     reach: Array  # [E] m into the lane, negative outside it
     speed: Array  # [E] m/s along the link, negative against it
     length: Array  # [] m
-
-
-def own_link(
-    lanes: LaneTables, previous: Int[Array, ""], *, centre: Float[Array, "2"], heading: Float[Array, ""]
-) -> Array:
-    """The link the ego is on now [int32]: the nearest of the previous one, its neighbours and its successors.
-
-    Args: lanes, the simulator's tables; previous, the link a step earlier; centre [2] m, of the ego's box; heading []
-    rad.
-    """
-    graph = lanes.graph
-    beside = jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]])
-    link = jnp.concatenate([beside, lanes.successor[previous]])
-    number = jnp.arange(lanes.successor.shape[1])
-    exists = jnp.concatenate(
-        [
-            jnp.stack([jnp.array(True), graph.has_left[previous], graph.has_right[previous]]),
-            number < lanes.n_successors[previous],
-        ]
-    )
-    place = roads.place(lanes, link, position=centre)
-    against = jnp.cos(heading - place.heading) < 0
-    return link[jnp.argmin(jnp.where(exists, place.distance + jnp.where(against, AGAINST, 0.0), FAR))].astype(jnp.int32)
 
 
 def around(graph: RoadGraph, link: Int[Array, ""]) -> tuple[Int[Array, " e"], Bool[Array, " e"]]:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.locate import LocateParams, follow
 from urbanjax.sim import agents, mobil, priority, reaction, replay, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import LaneTables
@@ -43,6 +44,7 @@ class SimParams:
     lidar: LidarParams = field(default=None, metadata=HANDED_DOWN)  # of an ego that finds its pose from scans
     traffic: TrafficParams = TrafficParams()
     reaction: ReactionParams = ReactionParams()
+    locate: LocateParams = LocateParams()  # of the ego, as traffic sees it
     range: float = 100.0  # m, within which the ego perceives objects
     n_objects: int = static(default=16)  # the nearest ones are observed
     substeps: int = static(default=2)  # per policy step; a substep should not exceed 0.05 s
@@ -77,7 +79,7 @@ def look(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Snapshot
     centre = box_centre(world.ego, params.vehicle)
     return Snapshot(
         centre=centre,
-        ego_link=reaction.own_link(lanes, world.ego_link, centre=centre, heading=world.ego.heading),
+        ego_link=follow(lanes.graph, world.ego_link, position=centre, heading=world.ego.heading, params=params.locate),
         others=everybody(params, lanes, world=world),
         signals=signals.show(world.signals, world.time),
     )
