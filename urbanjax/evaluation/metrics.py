@@ -15,7 +15,7 @@ from urbanjax.traffic.safety.boxes import box_time_to_collision
 from urbanjax.types import Objects, pytree
 from urbanjax.vehicle.params import VehicleParams
 
-FAR = 1e3  # m or s: no vehicle near, no collision to come
+APART = 1e3  # m, what stands in for the gap to a vehicle that is not there; masked in all that leaves this module
 TTC_SCALE = 0.1  # 1/s, natural scale of inverse times to collision for the relaxation
 AHEAD_SCALE = 5.0  # m, natural scale of "ahead"
 LEAST_GAP = 0.1  # m, below which a gap counts as this one
@@ -26,10 +26,11 @@ class Metrics:
     """Scalars of one run."""
 
     progress: Array  # [] m along the road
-    clearance: Array  # [] m, smallest gap between the ego's box and another
+    clearance: Array  # [] m, smallest gap between the ego's box and another; meaningless where `alone`
+    alone: Array  # [] bool, no other vehicle was ever there
     collision: Array  # [] degree in [0, 1]
-    ttc_lane: Array  # [] s, smallest time to collision along the lane
-    ttc_box: Array  # [] s, smallest time to collision of the boxes at constant velocity (hard)
+    ttc_lane: Array  # [] s, smallest time to collision along the lane, inf if never
+    ttc_box: Array  # [] s, smallest time to collision of the boxes at constant velocity (hard), inf if never
     mean_speed: Array  # [] m/s
     min_speed: Array  # [] m/s
     speed_drop: Array  # [] m/s, initial speed less the smallest
@@ -41,15 +42,17 @@ class Metrics:
 
 def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Metrics:
     """All metrics of one run. Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft."""
-    gaps = clearance(log, vehicle, relaxation=relaxation)
+    gaps, others = clearance(log, vehicle, relaxation=relaxation)
+    urgency = _largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, TTC_SCALE)
+    closing = urgency > 0
     speed = log.ego.speed
     lowest = soft.minimum(speed, relaxation)
     return Metrics(
         progress=progress(log)[-1],
-        clearance=soft.minimum(gaps, relaxation),
+        clearance=soft.minimum(gaps, relaxation, mask=others, fill=APART),
+        alone=~jnp.any(others),
         collision=collision(log, vehicle, relaxation=relaxation),
-        ttc_lane=1
-        / jnp.maximum(_largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, TTC_SCALE), 1 / FAR),
+        ttc_lane=jnp.where(closing, 1 / jnp.where(closing, urgency, 1.0), jnp.inf),
         ttc_box=safe.minimum(box_ttc(log, vehicle)),
         mean_speed=jnp.mean(speed),
         min_speed=lowest,
@@ -86,13 +89,17 @@ def _size(vehicle: VehicleParams, dtype: jnp.dtype) -> tuple[Array, Array]:
     return jnp.full((1, 1), vehicle.length, dtype), jnp.full((1, 1), vehicle.width, dtype)
 
 
-def clearance(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, " t"]:
-    """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision, 1e3 without vehicles.
+def clearance(
+    log: Log, vehicle: VehicleParams, *, relaxation: Relaxation
+) -> tuple[Float[Array, " t"], Bool[Array, " t"]]:
+    """Smallest separating-axis gap to another vehicle [m] per step, negative in a collision; whether there is one.
 
-    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    Where there is none the gap means nothing. Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or
+    how soft.
     """
     gaps = relaxed_box_gap(*_boxes(log, vehicle), relaxation=relaxation)
-    return soft.minimum(gaps, relaxation, mask=log.traffic.valid, fill=FAR)
+    there = log.traffic.valid
+    return soft.minimum(gaps, relaxation, mask=there, fill=APART), jnp.any(there, axis=-1)
 
 
 def collision(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Float[Array, ""]:
@@ -100,7 +107,8 @@ def collision(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Fl
 
     Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
     """
-    return soft.above(-soft.minimum(clearance(log, vehicle, relaxation=relaxation), relaxation), 0.0, relaxation)
+    gaps, others = clearance(log, vehicle, relaxation=relaxation)
+    return soft.above(-soft.minimum(gaps, relaxation, mask=others, fill=APART), 0.0, relaxation)
 
 
 def off_road(log: Log, relaxation: Relaxation) -> Float[Array, ""]:
@@ -137,14 +145,14 @@ def inverse_ttc(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> 
 
 
 def box_ttc(log: Log, vehicle: VehicleParams) -> Float[Array, " t"]:
-    """Time until the ego's box meets another [s] per step, all at constant velocity and heading; 1e3 if never.
+    """Time until the ego's box meets another [s] per step, all at constant velocity and heading; inf if never.
 
     Hard only: it jumps where boxes just miss. Args: log, of one run; vehicle, the ego's dimensions.
     """
     length, width = _size(vehicle, log.time.dtype)
     heading, speed = log.ego.heading[:, None], log.ego.speed[:, None]
     ego = Objects(log.centre[:, None], heading, speed, length, width, valid=jnp.ones((1, 1), bool))
-    return safe.minimum(jnp.minimum(box_time_to_collision(ego, log.traffic), FAR))
+    return safe.minimum(box_time_to_collision(ego, log.traffic))
 
 
 def jerk(log: Log) -> Float[Array, " s"]:

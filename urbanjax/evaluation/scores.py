@@ -60,7 +60,8 @@ def terms(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: 
     Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
     """
     duration = jnp.maximum(log.time[-1] - log.time[0], SHORTEST)
-    near = _barrier(clearance(log, vehicle, relaxation=relaxation), params.clearance_scale)
+    gaps, others = clearance(log, vehicle, relaxation=relaxation)
+    near = _barrier(jnp.where(others, gaps, params.clearance_scale), params.clearance_scale)
     edge = _barrier(log.road_margin, params.road_scale)
     values = {
         "progress": progress(log)[-1] / duration / params.speed_scale,

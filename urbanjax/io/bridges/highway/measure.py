@@ -21,8 +21,7 @@ def time_to_collision(episode: Episode, steps: int | None = None) -> np.ndarray:
     count = len(episode.time)
     if episode.others.shape[1] == 0:
         return np.full(count, np.inf)
-    found = np.asarray(_box_ttc(_log(episode, count if steps is None else max(steps, count))))[:count]
-    return np.where(found < metrics.FAR, found, np.inf)
+    return np.asarray(_box_ttc(_log(episode, count if steps is None else max(steps, count))))[:count]
 
 
 @jax.jit
