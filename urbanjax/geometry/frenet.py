@@ -11,6 +11,8 @@ from jaxtyping import Float, Int
 from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.types import pytree
 
+MIN_SCALE = 0.2  # of 1 - kappa d: an offset curve does not come nearer to the reference's centre of curvature
+
 
 @pytree
 class Reference:
@@ -114,11 +116,11 @@ def read(place: Cell) -> Reading:
     heading = mixed[..., 2]
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     (x0, y0, angle0), (x1, y1, angle1) = (jnp.unstack(row[..., :3], axis=-1) for row in (place.before, place.after))
-    rest, end = 1 - f, polynomial.smoothstep(f)
-    begin, reach = 1 - end, place.spacing * f * rest
+    begin, end, out, back = polynomial.hermite(f)
 
     def along(value0: Array, value1: Array, slope0: Array, slope1: Array, direction: Array) -> Array:
-        return begin * value0 + end * value1 + reach * (rest * slope0 - f * slope1) + place.beyond * direction
+        bend = place.spacing * (out * slope0 + back * slope1)
+        return begin * value0 + end * value1 + bend + place.beyond * direction
 
     return Reading(
         x=along(x0, x1, jnp.cos(angle0), jnp.cos(angle1), cos),
@@ -158,12 +160,12 @@ def sample(
     return Reference(at.position, at.heading, fade * at.others[..., 0])
 
 
-def scale(curvature: Array, offset: Array, *, least: float) -> Array:
-    """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than `least`.
+def scale(curvature: Array, offset: Array) -> Array:
+    """1 - kappa d, metres at an offset d [m] per metre of a line of curvature kappa [1/m]; not less than MIN_SCALE.
 
-    Args: curvature [*q] 1/m; offset [*q] m; least, a bound that keeps divisions by it finite.
+    Args: curvature [*q] 1/m; offset [*q] m.
     """
-    return jnp.maximum(1 - curvature * offset, least)
+    return jnp.maximum(1 - curvature * offset, MIN_SCALE)
 
 
 def to_world(reference: Reference, offset: Float[Array, "*q"]) -> Float[Array, "*q 2"]:
@@ -184,7 +186,6 @@ def offset_curve(
     slope: Float[Array, "*q"],
     bend: Float[Array, "*q"],
     curvature_slope: Float[Array, "*q"] | None = None,
-    min_scale: float = 0.1,
 ) -> tuple[Float[Array, "*q"], Float[Array, "*q"]]:
     """Heading [rad] and curvature [1/m] of the curve d(s) beside a reference line (Werling et al. 2010).
 
@@ -192,11 +193,11 @@ def offset_curve(
         curvature = ((d'' + (kappa_r' d + kappa_r d') tan) cos^2 / (1 - kappa_r d) + kappa_r) cos / (1 - kappa_r d)
 
     with tan and cos of the heading difference. The frame ends where 1 - kappa_r d reaches 0, the centre of curvature;
-    it is held at min_scale, so the result is finite but means nothing beyond (not differentiable at that bound).
+    it is held at MIN_SCALE, so the result is finite but means nothing beyond (not differentiable at that bound).
     Args: heading [*q] rad and curvature [*q] 1/m of the reference; offset d [*q] m; slope d' [*q]; bend d'' [*q] 1/m;
-    curvature_slope kappa_r' [*q] 1/m^2, 0 if not given; min_scale, as above.
+    curvature_slope kappa_r' [*q] 1/m^2, 0 if not given.
     """
-    size = scale(curvature, offset, least=min_scale)
+    size = scale(curvature, offset)
     twist = curvature * slope if curvature_slope is None else curvature * slope + curvature_slope * offset
     length = safe.sqrt(size * size + slope * slope)  # of the offset curve per metre of reference
     cos, tan = size / length, slope / size

@@ -1,7 +1,12 @@
-"""Polynomials in closed form: quintics between two states, and steps from 0 to 1."""
+"""Polynomials in closed form: quintics between two states, cubics between two slopes, and steps from 0 to 1."""
+
+from typing import TypeVar
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+
+Values = TypeVar("Values", Array, np.ndarray)
 
 
 def quintic(
@@ -28,9 +33,30 @@ def quintic(
     )
 
 
-def smoothstep(u: Array) -> Array:
-    """The cubic that rises from 0 to 1 with u, flat at both ends. Args: u, 0 to 1."""
+def smoothstep(u: Values) -> Values:
+    """The cubic that rises from 0 to 1 with u, flat at both ends. Args: u, 0 to 1, of JAX or NumPy."""
     return u * u * (3 - 2 * u)
+
+
+def smoothstep_slope(u: Values) -> Values:
+    """Derivative of `smoothstep`. Args: u, 0 to 1, of JAX or NumPy."""
+    return 6 * u * (1 - u)
+
+
+def hermite(u: Values) -> tuple[Values, Values, Values, Values]:
+    """What start, end, start slope and end slope weigh in the cubic that meets them; slopes are per unit of u.
+
+    Args: u, 0 to 1, of JAX or NumPy.
+    """
+    rest, end = 1 - u, smoothstep(u)
+    reach = u * rest
+    return 1 - end, end, reach * rest, -reach * u
+
+
+def hermite_slope(u: Values) -> tuple[Values, Values, Values, Values]:
+    """Derivatives of `hermite`. Args: u, 0 to 1, of JAX or NumPy."""
+    end = smoothstep_slope(u)
+    return -end, end, (1 - u) * (1 - 3 * u), u * (3 * u - 2)
 
 
 def smoother_step(u: Array) -> Array:

@@ -9,8 +9,6 @@ from jax import Array
 
 from urbanjax.geometry.frenet import offset_curve, scale
 
-MIN_SCALE = 0.2  # of 1 - kappa d: an offset curve does not come nearer to the reference's centre of curvature
-
 
 def to_plane(heading: Array, kappa: Array, offset: Array, slope: Array, bend: Array) -> tuple[Array, Array]:
     """Heading (rad) and curvature (1/m) of lateral profiles, of the shape of `offset`.
@@ -19,7 +17,7 @@ def to_plane(heading: Array, kappa: Array, offset: Array, slope: Array, bend: Ar
     that broadcast.
     """
     heading, kappa = (jnp.broadcast_to(x, offset.shape) for x in (heading, kappa))
-    return offset_curve(heading, kappa, offset=offset, slope=slope, bend=bend, min_scale=MIN_SCALE)
+    return offset_curve(heading, kappa, offset=offset, slope=slope, bend=bend)
 
 
 def from_plane(kappa: Array, offset: Array, tangent: Array, curvature: Array) -> tuple[Array, Array]:
@@ -27,7 +25,7 @@ def from_plane(kappa: Array, offset: Array, tangent: Array, curvature: Array) ->
 
     Args: kappa of the reference (1/m), offset d (m), tangent of the heading from the reference's, curvature (1/m).
     """
-    size = scale(kappa, offset, least=MIN_SCALE)
+    size = scale(kappa, offset)
     slope = tangent * size
     cosine = 1 / jnp.sqrt(1 + tangent * tangent)
     return slope, (curvature * size / cosine - kappa) * size / cosine**2 - kappa * slope * tangent

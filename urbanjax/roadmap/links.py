@@ -12,7 +12,6 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import pytree
 
 LEAST_SLOPE = 0.2  # cosine between normal and link below which Newton's method takes shorter steps
-LEAST_SCALE = 0.2  # m per m of link, likewise near the centre of curvature
 
 
 @pytree
@@ -134,7 +133,7 @@ def project(
         x, y = position[..., 0] - point.position[..., 0], position[..., 1] - point.position[..., 1]
         along, aside = cos * x + sin * y, cos * y - sin * x
         found = Projected(station, aside, point.heading, safe.sqrt(along**2 + aside**2))
-        step = along / frenet.scale(point.curvature, aside, least=LEAST_SCALE)
+        step = along / frenet.scale(point.curvature, aside)
         return lean.clip(station + step, 0.0, end), found
 
     return lax.fori_loop(0, iterations, improve, (guess, Projected(guess, guess, guess, guess)))[1]

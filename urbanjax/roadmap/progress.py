@@ -10,8 +10,6 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.types import pytree
 
 AGAINST = 25.0  # m^2, by which a station that crosses the pose at a right angle counts as farther off
-LEAST_SCALE = 0.1  # m per m of reference line: what is beyond the centre of curvature stays finite
-LEAST_STEP_SCALE = 0.2  # likewise in a step of Newton's method
 REACH = 3  # stations
 SEARCH_STEPS = 3  # of Newton's method, before the two that are differentiated
 LATER = 1e-4  # m^2 per m of station, likewise: of several laps the first one counts
@@ -83,7 +81,7 @@ def to_world(
         spacing=corridor.spacing,
         station=station,
     )
-    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset, least=LEAST_SCALE)
+    return frenet.to_world(at, offset), at.heading, at.curvature / frenet.scale(at.curvature, offset)
 
 
 def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[Array, ""]) -> Progress:
@@ -113,7 +111,7 @@ def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[
         place = frenet.locate(line, station)
         at = frenet.read(place)
         along, aside = at.cos * (x - at.x) + at.sin * (y - at.y), at.cos * (y - at.y) - at.sin * (x - at.x)
-        following = station + along / frenet.scale(place.bend, aside, least=LEAST_STEP_SCALE)
+        following = station + along / frenet.scale(place.bend, aside)
         return lean.clip(following, low, high), Progress(station, aside, at.heading)
 
     _, found = lax.fori_loop(0, SEARCH_STEPS + 3, improve, (station, Progress(station, station, station)))

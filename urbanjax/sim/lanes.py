@@ -1,5 +1,7 @@
 """The road graph as the simulator reads it: uniform tables along each link, so that a look-up is arithmetic."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -34,12 +36,18 @@ class LaneTables:
 
 def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
     """The simulator's tables of a road graph; done once, outside jit. Args: graph; n_points, per link."""
+    lanes = _tables(graph, n_points)
+    entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
+    return lanes.replace(has_conflicts=bool(jnp.any(lanes.has_rival) | jnp.any(entered_twice)))
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _tables(graph: RoadGraph, n_points: int) -> LaneTables:
     n_links = graph.station.shape[0]
     order = jnp.argsort(~graph.has_successor, axis=1, stable=True)
     count = jnp.sum(graph.has_successor, axis=1).astype(jnp.int32)
     to_left, to_right = graph.has_left & graph.left_change, graph.has_right & graph.right_change
     goes_on = (to_left & (count[graph.left_link] > 0)) | (to_right & (count[graph.right_link] > 0))
-    entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
     has_rival = graph.has_conflict & (graph.road_type == RoadType.JUNCTION)[:, None]
     return LaneTables(
         graph=graph,
@@ -52,7 +60,6 @@ def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
         rival=graph.conflict.astype(jnp.int32),
         has_rival=has_rival,
         n_points=n_points,
-        has_conflicts=bool(jnp.any(has_rival) | jnp.any(entered_twice)),
     )
 
 
@@ -67,13 +74,12 @@ def _table(graph: RoadGraph, n_points: int) -> Array:
         return values[:, index] * (1 - share) + values[:, index + 1] * share
 
     heading = along(graph.heading)
-    rise = polynomial.smoothstep(share)
-    out, back = share * (1 - share) ** 2, share * share * (share - 1)
+    begin, end, out, back = polynomial.hermite(share)
     spacing = (graph.station[:, 1:] - graph.station[:, :-1])[:, index]
 
     def hermite(values: Array, slope: Array) -> Array:
         bend = spacing * (out * slope[:, index] + back * slope[:, index + 1])
-        return values[:, index] * (1 - rise) + values[:, index + 1] * rise + bend
+        return values[:, index] * begin + values[:, index + 1] * end + bend
 
     x = hermite(graph.centre[..., 0], jnp.cos(graph.heading))
     y = hermite(graph.centre[..., 1], jnp.sin(graph.heading))

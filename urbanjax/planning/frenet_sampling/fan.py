@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.geometry import frenet
 from urbanjax.numerics import safe
 from urbanjax.numerics.once import once
 from urbanjax.planning.frenet_sampling import motion
@@ -11,7 +12,6 @@ from urbanjax.planning.frenet_sampling.line import ReferenceLine
 from urbanjax.planning.frenet_sampling.motion import Across, Along, EndGrid, FrenetState, per_way
 from urbanjax.types import pytree
 
-MIN_SCALE = 0.1  # of 1 - kappa d, held there towards the centre of curvature
 FIELDS = ("x", "y", "heading", "speed", "curvature", "acceleration")
 
 
@@ -80,7 +80,7 @@ def cartesian(along: Along, across: Across, *, grid: EndGrid) -> Float[Array, "6
         rate = per_way(speed)
         slope = slope * rate
         bend = (bend - slope * of(along.acceleration)) * rate * rate
-    scale = jnp.maximum(1 - kappa * offset, MIN_SCALE)
+    scale = frenet.scale(kappa, offset)
     turn = kappa * slope + twist * offset  # the derivative of -scale
     tan = slope if grid.heading == "slope" else slope / scale
     secant = jnp.sqrt(1 + tan * tan)

@@ -21,7 +21,6 @@ from urbanjax.geometry.frenet import scale
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.cross_section import CrossSections, drivable
-from urbanjax.planning.shape import MIN_SCALE
 from urbanjax.types import pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -147,7 +146,7 @@ def join(
         """All edges at one share, lengths as rates."""
         value, rise, bend = (starts[k][p] + ends[k][p] for k in range(3))
         kappa, left, right = (x[p] for x in road)
-        size = scale(kappa, value, least=MIN_SCALE)
+        size = scale(kappa, value)
         squared = size * size + rise * rise
         rate = jnp.sqrt(squared)
         # That of `geometry.frenet.offset_curve`, with one division for its five: there are many edges.

@@ -24,7 +24,6 @@ from urbanjax.planning.lattice.edges import (
     steps_along,
 )
 from urbanjax.planning.previous import Previous, profile
-from urbanjax.planning.shape import MIN_SCALE
 from urbanjax.types import Prediction, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
@@ -162,7 +161,7 @@ def node_terms(
     collides = soft.above(-room, 0.0, relaxation, scale=weights.collision_scale)
     last, counts = profile(previous, lattice.station)
     route = road.lane_offset[:, road.lane_offset.shape[1] // 2]
-    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset, least=MIN_SCALE)
+    turn = road.curvature[:, None] / frenet.scale(road.curvature[:, None], offset)
     opposed = jnp.sum(covers * road.oncoming[:, None, :], axis=-1) / vehicle.width
     return {
         "obstacle": weights.obstacle * ds * barrier(room, weights.clearance, kind=weights.barrier),

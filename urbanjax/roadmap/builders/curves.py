@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from urbanjax.numerics import polynomial
+
 NODES = 5  # of the quadrature, per step
 SAMPLES = 8  # at least so many segments of a part that is cut out
 STRAIGHT_ON = 0.1  # rad, change of the heading below which two poses are joined by a cubic
@@ -74,12 +76,8 @@ def hermite(
     t = along[:, None] / h
     tangent = np.stack([np.cos(heading), np.sin(heading)], -1)
     a, b = points[index], points[index + 1]
-    return (
-        (1 + 2 * t) * (1 - t) ** 2 * a
-        + t * t * (3 - 2 * t) * b
-        + h * t * (1 - t) ** 2 * tangent[index]
-        - h * t * t * (1 - t) * tangent[index + 1]
-    )
+    begin, end, out, back = polynomial.hermite(t)
+    return begin * a + end * b + h * (out * tangent[index] + back * tangent[index + 1])
 
 
 def trace(pieces: Sequence[Piece], start: tuple[float, float, float] = (0.0, 0.0, 0.0), *, step: float = 0.25) -> Curve:
@@ -143,10 +141,10 @@ def _cubic(a, b, ta, tb, heading: float, step: float) -> Curve:
     """The cubic from a to b with unit tangents ta and tb, by arc length."""
     size = np.linalg.norm(b - a)
     t = np.linspace(0.0, 1.0, max(int(np.ceil(size / step)) * FINE[0], FINE[1]) + 1)[:, None]
-    position = (
-        (1 + 2 * t) * (1 - t) ** 2 * a + t * t * (3 - 2 * t) * b + size * (t * (1 - t) ** 2 * ta - t * t * (1 - t) * tb)
+    position, slope = (
+        begin * a + end * b + size * (out * ta + back * tb)
+        for begin, end, out, back in (polynomial.hermite(t), polynomial.hermite_slope(t))
     )
-    slope = 6 * t * (1 - t) * (b - a) + size * ((1 - t) * (1 - 3 * t) * ta + t * (3 * t - 2) * tb)
     angle = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     angle += 2 * np.pi * np.round((heading - angle[0]) / (2 * np.pi))
     speed = np.linalg.norm(slope, axis=-1)

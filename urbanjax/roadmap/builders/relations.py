@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
+from urbanjax.geometry.frenet import MIN_SCALE
 from urbanjax.roadmap.builders.curves import hermite
 from urbanjax.types import RoadError
 
 CHUNK = 256  # links at a time: bounds the memory of the all-to-all comparison
 STEPS = 4  # of Newton's method from the polyline to the curve
 SPACING = 2.0  # m, between the points by which links are compared
-LEAST_SCALE = 0.2  # m per m of line, to which a step of Newton's method near its centre of curvature is held
 COARSE = 32  # segments of a link on which the place beside a point is sought first
 PIECE = 8  # segments of a link that are compared with those of another at once
 MOST_PIECES, MOST_PAIRS = 100_000, 4_000_000  # of pieces
@@ -77,7 +77,7 @@ def _stations(points: np.ndarray, line: np.ndarray, angle: np.ndarray, length: n
         away = points - hermite(line, angle, step=step, index=i, along=f * step)
         along = away[:, 0] * np.cos(h) + away[:, 1] * np.sin(h)
         aside = away[:, 1] * np.cos(h) - away[:, 0] * np.sin(h)
-        where = np.clip(where + along / (step * np.maximum(1 - aside * turned / step, LEAST_SCALE)), 0.0, last)
+        where = np.clip(where + along / (step * np.maximum(1 - aside * turned / step, MIN_SCALE)), 0.0, last)
     return (where * step).reshape(shape)
 
 

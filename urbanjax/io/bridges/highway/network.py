@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from urbanjax.numerics import polynomial
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, Turn
@@ -184,7 +185,7 @@ def _line(part: _Part, begin: float, end: float) -> tuple[np.ndarray, np.ndarray
     s = np.linspace(begin, end, max(int(np.ceil((end - begin) / spacing)) + 1, 4))
     length = min(BLEND, 0.5 * part.end)
     u = np.clip((s - (part.end - length)) / length, 0.0, 1.0)
-    offset, slope = part.aside * u * u * (3 - 2 * u), part.aside * 6 * u * (1 - u) / length
+    offset, slope = part.aside * polynomial.smoothstep(u), part.aside * polynomial.smoothstep_slope(u) / length
     centre = np.array([part.lane.position(float(x), float(d)) for x, d in zip(s, offset, strict=True)]) * FLIP
     width = np.array([part.lane.width_at(float(x)) for x in s], float)
     if hasattr(part.lane, "curve"):
@@ -257,8 +258,8 @@ def _cubic(lane: Any, following: Any) -> np.ndarray:
     angles = [-lane.heading_at(lane.length), -following.heading_at(0.0)]
     tangents = [span * np.array([np.cos(angle), np.sin(angle)]) for angle in angles]
     u = np.linspace(0.0, 1.0, CUBIC)[:, None]
-    start = (1 + 2 * u) * (1 - u) ** 2 * ends[0] + u * (1 - u) ** 2 * tangents[0]
-    return start + u**2 * (3 - 2 * u) * ends[1] - u**2 * (1 - u) * tangents[1]
+    begin, end, out, back = polynomial.hermite(u)
+    return begin * ends[0] + end * ends[1] + out * tangents[0] + back * tangents[1]
 
 
 def _bend(points: np.ndarray) -> float:
