@@ -50,10 +50,10 @@ def overtake_scene(params: LoopParams, n: int, seed: int = 0) -> tuple[Course, L
     family = overtake.OvertakeParams(length=400.0)
     graph = overtake.road(family)
     keys = jax.random.split(jax.random.key(seed), n)
-    starts = jax.vmap(
-        lambda key: overtake.sample(key, family, vehicle=params.vehicle, others=params.sim.traffic).world
-    )(keys)
-    return course_along(graph, overtake.RIGHT, overtake.RIGHT), roads.from_graph(one_shape(graph)), starts
+    sample = jax.jit(
+        jax.vmap(lambda key: overtake.sample(key, family, vehicle=params.vehicle, others=params.sim.traffic).world)
+    )
+    return course_along(graph, overtake.RIGHT, overtake.RIGHT), roads.from_graph(one_shape(graph)), sample(keys)
 
 
 def oncoming_scene(params: LoopParams) -> tuple[Course, LaneTables, WorldState]:

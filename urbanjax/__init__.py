@@ -1,6 +1,7 @@
 """Differentiable urban driving: from road graph to steering as one jitted JAX function."""
 
 from urbanjax.course import Course, course_between
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams, rollout
@@ -23,6 +24,7 @@ __all__ = [
     "VehicleState",
     "as_arrays",
     "batched_values",
+    "compiler_options",
     "course_between",
     "init",
     "rollout",

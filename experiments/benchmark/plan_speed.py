@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments.common import timing
 from urbanjax.course import Course
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.planning import plan as plans
 from urbanjax.planning.primitives import PrimitiveParams
 from urbanjax.planning.situation import look
@@ -43,7 +44,9 @@ def measure(
     station = progress(course.corridor, world.ego.position, heading=world.ego.heading).station
     at = look(stack.situation, course, station=station, ego=world.ego, observation=seen)
     memory = as_arrays(plans.nothing(planning))
-    program = jax.jit(lambda at, driving, memory: plans.plan(at, driving, memory=memory))
+    program = jax.jit(
+        lambda at, driving, memory: plans.plan(at, driving, memory=memory), compiler_options=compiler_options()
+    )
     first = timing.seconds(program, at, driving, memory)
     made, samples = program(at, driving, memory), []
     for _ in range(study.repeats):

@@ -19,6 +19,7 @@ from experiments.common.registration_speed import RegistrationStudy
 from urbanjax import stack
 from urbanjax.course import Course, course_between
 from urbanjax.evaluation import metrics
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.costs_to_go import costs_to_go
 from urbanjax.roadmap.route import RouteParams
@@ -102,7 +103,7 @@ def _stack_step(
         tick(f"stack.step, batch of {size}")
         state, observation = jax.tree.map(lambda x, n=size: x[0] if n == 1 else x[:n], (states, observations))
         function = stack.step if size == 1 else jax.vmap(stack.step, in_axes=(None, None, 0, 0))
-        step = jax.jit(function)
+        step = jax.jit(function, compiler_options=compiler_options())
         first = timing.seconds(step, params, course, state, observation)
         if size == study.batches[0]:
             out["stack_first_step_s"] = first
@@ -139,7 +140,7 @@ def _simulator(
         ("closed_loop", _close, study.loop_steps),
     ):
         tick(f"{name}: {study.scenarios} scenarios of {vehicles} vehicles, {steps} steps")
-        program = jax.jit(functools.partial(function, n_steps=steps))
+        program = jax.jit(functools.partial(function, n_steps=steps), compiler_options=compiler_options())
         out[f"{name}_first_run_s"] = timing.seconds(program, loop, course, lanes, batch)
         seconds = timing.median(program, loop, course, lanes, batch, runs=study.runs)
         out[f"{name}_vehicle_steps_per_s"] = study.scenarios * vehicles * steps / seconds

@@ -12,6 +12,7 @@ import numpy as np
 from urbanjax.course import Course, course_between
 from urbanjax.evaluation import metrics
 from urbanjax.evaluation.metrics import Metrics
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
@@ -24,7 +25,6 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import as_arrays, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
-QUICK = {"xla_backend_optimization_level": 1}  # compiles in two thirds of the time, runs as fast
 NO_CLAMP = 1e-6  # s, a least time to collision that never matters
 
 
@@ -61,7 +61,7 @@ def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None
     tick(f"compiling one program for {len(study.taus)} values of tau and {study.starts} starts")
     began = time.perf_counter()
     steps = round(study.duration / study.period)
-    program = jax.jit(_grid, static_argnames="n_steps", compiler_options=QUICK)
+    program = jax.jit(_grid, static_argnames="n_steps", compiler_options=compiler_options())
     program = program.lower(loop, course, lanes, starts.world, taus, clamps, n_steps=steps).compile()
     compiled = time.perf_counter()
     tick(f"driving {2 * len(study.taus) * study.starts} rollouts of {steps} steps")

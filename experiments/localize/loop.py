@@ -17,6 +17,7 @@ from urbanjax.evaluation.metrics import Metrics
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure, shades
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.types import Health
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
@@ -90,7 +91,7 @@ def drive(
     taus = jnp.asarray(study.taus)
     tick(f"driving {taus.size * study.starts} rollouts on poses from scans")
     steps = round(study.duration / float(loop.period))
-    program = jax.jit(_grid, static_argnames=("link", "starts", "n_steps"))
+    program = jax.jit(_grid, static_argnames=("link", "starts", "n_steps"), compiler_options=compiler_options())
     key = jax.random.key(study.seed)
     position, estimate, health, progress, result = jax.device_get(
         program(

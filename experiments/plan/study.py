@@ -11,6 +11,7 @@ from urbanjax import stack
 from urbanjax.course import Course, course_between
 from urbanjax.evaluation.recorded import drive, scenes
 from urbanjax.io import maps
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import plan as plans
 from urbanjax.planning.plan import Plan
@@ -25,8 +26,6 @@ from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
 from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
-
-QUICK = {"xla_backend_optimization_level": 1}
 
 
 @pytree
@@ -60,7 +59,7 @@ def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
     tick("scene")
     loop, course, lanes, world = _scene(study)
     params, sim = loop.handed_down()
-    step = jax.jit(stack.step, compiler_options=QUICK)
+    step = jax.jit(stack.step, compiler_options=compiler_options())
     observe, advance = jax.jit(lambda world: worlds.observe(sim, lanes, world=world)), jax.jit(worlds.step)
     state = stack.init(params, course, world.ego.pose)
     for k in range(round(float(study.time) / float(study.period))):
@@ -69,7 +68,7 @@ def moment(study: PlanStudy, tick: Callable[[str], None]) -> Moment:
         world = advance(sim, lanes, world, command, loop.period)
     tick("planning")
     seen = observe(world)
-    make = jax.jit(_plan, compiler_options=QUICK)
+    make = jax.jit(_plan, compiler_options=compiler_options())
     modes = (Relaxation(), Relaxation(float(study.temperature), mode="soft"))
     modes = [params.replace(relaxation=as_arrays(mode)) for mode in modes]
     (at, hard), (_, soft) = (make(mode, course, state, seen, world) for mode in modes)

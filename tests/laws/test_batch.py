@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tests.scenes import loop_params, overtake_scene
-from urbanjax import stack
+from urbanjax import compiler_options, stack
 from urbanjax.rollout import rollout
 from urbanjax.sim import world
 from urbanjax.types import as_arrays
 
 N_STEPS = 20
-OPTIMISED = {"xla_backend_optimization_level": 3, "xla_cpu_use_fusion_emitters": True}
+OPTIMISED = {"xla_backend_optimization_level": 3}
 
 
 @pytest.mark.parametrize("n_starts", [16, pytest.param(64, marks=pytest.mark.slow)])
@@ -29,7 +29,7 @@ def test_a_batch_equals_single_runs(n_starts):
             return log.ego
 
         batch = jax.device_get(jax.jit(jax.vmap(drive))(starts))
-        single = jax.jit(drive, compiler_options=OPTIMISED)
+        single = jax.jit(drive, compiler_options=OPTIMISED | compiler_options())
         for i in range(n_starts):
             alone = single(jax.tree.map(lambda x, i=i: x[i], starts))
             for one, many in zip(jax.tree.leaves(alone), jax.tree.leaves(batch), strict=True):

@@ -13,6 +13,7 @@ from urbanjax.evaluation import collisions, metrics
 from urbanjax.evaluation.collisions import Collision, Contact
 from urbanjax.evaluation.recorded import goals
 from urbanjax.evaluation.recorded.scenes import RecordedScene
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.progress import progress
 from urbanjax.rollout import LoopParams, rollout
@@ -25,7 +26,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
-QUICK = {"xla_backend_optimization_level": 1}
+INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,7 @@ def drive(loop: LoopParams, scene: RecordedScene) -> list[Drive]:
     steps = np.array([start.steps for start in scene.starts])
     loop = as_arrays(loop)
     worlds = worlds_of(loop, scene)
-    program = jax.jit(_all, static_argnames="n_steps", compiler_options=QUICK)
+    program = jax.jit(_all, static_argnames="n_steps", compiler_options=compiler_options())
     out = program(
         loop, scene.graph, lanes, scene.corridor, worlds, scene.vehicle, jnp.asarray(steps), n_steps=int(steps.max())
     )
@@ -127,7 +128,7 @@ def _all(
         station = jax.vmap(lambda p, h: progress(corridor, p, heading=h).station)(log.centre, log.ego.heading)
         # Where the route has left the map nobody knows where the road is.
         mapped = station + vehicle.length / 2 < corridor.length
-        margin = jnp.where(mapped, log.road_margin, metrics.FAR)
+        margin = jnp.where(mapped, log.road_margin, INSIDE)
         off = metrics.off_road(log.replace(road_margin=margin), own.stack.relaxation) > 0.5  # a degree in [0, 1]
         return log, collisions.first(log, vehicle), off, jnp.minimum(station, corridor.length)
 

@@ -1,6 +1,8 @@
 """Our stack at the wheel of a highway-env vehicle."""
 
+import functools
 import time
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -14,6 +16,7 @@ from urbanjax.control.longitudinal import LongitudinalParams
 from urbanjax.io.bridges.highway.environment import FREQUENCY, action_of
 from urbanjax.io.bridges.highway.network import read_network
 from urbanjax.io.bridges.highway.route import ahead, course_to, shared_ground
+from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.locate import locate
 from urbanjax.stack import StackInfo, StackParams
@@ -69,13 +72,13 @@ class StackDriver:
         link = self._link(env)
         self.destination = ahead(self.graph, link, reach=self.params.reach)
         self._follow(env, link)
-        jax.block_until_ready(_step(self.stack, self.course, self.state, self.observe(env)))
+        jax.block_until_ready(_step()(self.stack, self.course, self.state, self.observe(env)))
 
     def act(self, env: Any) -> np.ndarray:
         """The action of this step."""
         observation = self.observe(env)
         began = time.perf_counter()
-        command, self.state, self.info = _step(self.stack, self.course, self.state, observation)
+        command, self.state, self.info = _step()(self.stack, self.course, self.state, observation)
         self.command = float(command.acceleration), float(command.steering)
         self.step_seconds.append(time.perf_counter() - began)
         self._settle(env)
@@ -153,6 +156,10 @@ def _nearest(env: Any, reach: float, count: int, dtype: Any) -> Objects:
     return Objects(*(np.asarray(column, dtype) for column in columns), valid=np.arange(count) < len(chosen))
 
 
-_step = jax.jit(stack.step)
+@functools.cache
+def _step() -> Callable[..., tuple]:
+    return jax.jit(stack.step, compiler_options=compiler_options())
+
+
 _init = jax.jit(stack.init)
 _locate = jax.jit(lambda graph, position, heading, params: locate(graph, position, heading=heading, params=params))
