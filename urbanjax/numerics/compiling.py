@@ -12,8 +12,9 @@ _WISHES: dict[str, bool | int | str] = {"xla_cpu_use_fusion_emitters": False}
 def compiler_options() -> dict[str, bool | int | str]:
     """Options for `jax.jit(function, compiler_options=...)` of a step, a rollout or its gradient, on the CPU.
 
-    Results are equal to rounding. An option unknown to the installed XLA, and on another device all of them, are left
-    out.
+    Results are equal to rounding. Not for few large kernels (the simulator alone, registration, sampled candidates):
+    the compiler's own choice runs those faster. An option unknown to the installed XLA, and on another device all of
+    them, are left out.
     """
     return dict(_known()) if jax.default_backend() == "cpu" else {}
 
