@@ -74,3 +74,30 @@ def test_without_any_object_the_cap_is_the_speed(mode):
         cap=jnp.asarray(13.9),
     )
     assert float(found) == pytest.approx(13.9, abs=0.05)
+
+
+def behind(speed, station, other, *, mode="hard"):
+    """v_T beside one vehicle of the target lane that leads at arrival, whatever it does now."""
+    one = jnp.ones(1)
+    around = Surroundings(
+        **{**dict.fromkeys(Surroundings.__dataclass_fields__, 0 * one), "valid": one > 0, "half_length": 2.35 * one}
+        | {"station": station * one, "speed": other * one}
+    )
+    return gvp.following_speed(
+        around,
+        Driving(VehicleParams(), BehaviorParams(), Relaxation(0.01, mode), 0.1),
+        occupancy=one,
+        body=Body(rear=jnp.asarray(-3.7), front=jnp.asarray(0.0), offset=jnp.zeros(()), speed=jnp.asarray(speed)),
+        lead=5.0 * one,
+        cap=jnp.asarray(60 / 3.6),
+    )
+
+
+@pytest.mark.parametrize("mode", ["hard", "soft"])
+def test_a_vehicle_behind_never_lowers_the_speed(mode):
+    """Also one that will be ahead by the time of the lane change: the ego's brakes would not help it."""
+    assert float(behind(9.0, -16.35, 14.0, mode=mode)) == pytest.approx(60 / 3.6, abs=0.05)
+    rng = np.random.default_rng(0)
+    for speed, station, other in rng.uniform([0, -40, 0], [20, -2.6, 30], (20, 3)):
+        assert float(behind(speed, station, other, mode=mode)) == pytest.approx(60 / 3.6, abs=0.05)
+    assert float(behind(9.0, 12.0, 5.0, mode=mode)) < 9.0

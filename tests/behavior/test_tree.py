@@ -39,7 +39,7 @@ def oracle(s: dict[str, bool], side_gates_stuck: bool, stuck_needs_micro: bool) 
         return MICRO, Decision.STUCK_ESCAPE
     if not s["micro_feasible"]:
         if not s["stoppable"]:
-            return ROUTE, Decision.EMERGENCY_STOP
+            return EGO, Decision.EMERGENCY_STOP  # the safest, here
         return (EGO if s["return_occupied"] else ROUTE), Decision.MICRO_INFEASIBLE
     if s["turning_at_signal"]:
         return ROUTE, Decision.TURN_AT_SIGNAL
@@ -55,7 +55,8 @@ def test_equals_the_nested_ifs_on_every_input(side_gates_stuck, stuck_needs_micr
     cases = list(itertools.product([False, True], repeat=len(FIELDS)))
     columns = np.array(cases, float).T
     batch = Conditions(**{name: jnp.asarray(column) for name, column in zip(FIELDS, columns, strict=True)})
-    selection = jax.vmap(lambda s: tree.decide(s, params))(batch)
+    safest = jnp.eye(3)[EGO]
+    selection = jax.vmap(lambda s: tree.decide(s, params, safest=safest))(batch)
     seen = set()
     for i, case in enumerate(cases):
         path, decision = oracle(dict(zip(FIELDS, case, strict=True)), side_gates_stuck, stuck_needs_micro)
@@ -69,7 +70,8 @@ def test_equals_the_nested_ifs_on_every_input(side_gates_stuck, stuck_needs_micr
 def test_weights_sum_to_one_for_any_degrees():
     degrees = np.random.default_rng(0).uniform(size=(len(FIELDS), 200))
     batch = Conditions(**{name: jnp.asarray(column) for name, column in zip(FIELDS, degrees, strict=True)})
-    selection = jax.vmap(lambda s: tree.decide(s, TSPSParams()))(batch)
+    safest = jnp.asarray([0.2, 0.5, 0.3])
+    selection = jax.vmap(lambda s: tree.decide(s, TSPSParams(), safest=safest))(batch)
     np.testing.assert_allclose(selection.path.sum(axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(selection.decision.sum(axis=1), 1, atol=1e-6)
     assert float(selection.path.min()) >= -1e-6

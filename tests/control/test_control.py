@@ -64,15 +64,25 @@ def test_look_ahead_is_measured_along_the_path():
     np.testing.assert_allclose(look_ahead(bent, jnp.asarray(5.0)), [3.0, 2.0], atol=1e-6)
 
 
+def wanted(reference, previous=0.0, emergency=0.0, **params):
+    driving = TRACKING.of(LongitudinalParams(**params))
+    given = {"previous": previous, "reference": reference, "emergency": emergency}
+    return float(accelerate(jnp.asarray(8.0), driving, **{k: jnp.asarray(v) for k, v in given.items()}))
+
+
 @pytest.mark.parametrize(("reference", "expected"), [(8.3, 0.5), (30.0, 2.0), (0.0, -4.0)])
 def test_speed_tracking_is_proportional_and_limited(reference, expected):
-    a = accelerate(jnp.asarray(8.0), TRACKING, reference=jnp.asarray(reference), emergency=jnp.asarray(0.0))
-    assert float(a) == pytest.approx(expected, rel=1e-5)
+    assert wanted(reference, max_jerk=1e3) == pytest.approx(expected, rel=1e-5)
+    assert wanted(reference, previous=expected) == pytest.approx(expected, rel=1e-5)
+
+
+def test_acceleration_changes_no_faster_than_the_greatest_jerk():
+    assert wanted(30.0, previous=-4.0) == pytest.approx(-3.2)
+    assert wanted(0.0, previous=2.0, max_jerk=4.0) == pytest.approx(1.6)
 
 
 def test_emergency_brakes_fully():
-    a = accelerate(jnp.asarray(8.0), TRACKING, reference=jnp.asarray(20.0), emergency=jnp.asarray(1.0))
-    assert float(a) == pytest.approx(-VEHICLE.max_deceleration)
+    assert wanted(20.0, previous=2.0, emergency=1.0) == pytest.approx(-VEHICLE.max_deceleration)
 
 
 def test_finite_gradient_on_a_degenerate_path():

@@ -46,14 +46,15 @@ def following_speed(
 
     Args: surroundings [O]; driving, with BehaviorParams; occupancy [O], degree of being in the lane; body, of the ego;
     lead [O] m, how far its rear is ahead of the ego's front when the ego is in the lane (one that is passed before does
-    not count); cap [] m/s, without anybody.
+    not count, nor does one whose front is still behind the ego's); cap [] m/s, without anybody.
     """
     params, relaxation, speed = driving.params, driving.relaxation, body.speed
     gap = surroundings.station - surroundings.half_length - body.front
     ahead = soft.above(lead, -params.gvp.overlap, relaxation, scale=1.0)
     speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (speed, cap))
     each = constant_headway_speed(speed, gap, front_speed=surroundings.speed, cap=cap, params=params.headway)
-    relevant = soft.both(occupancy, ahead)
+    in_front = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
+    relevant = soft.both(occupancy, soft.both(ahead, in_front))
     bounds = jnp.append(cap - relevant * (cap - each), cap[:1])  # the last one holds when there is no object
     valid = jnp.append(surroundings.valid, True)
     return soft.minimum(bounds, relaxation, scale=0.5, fill=1e3, mask=valid)

@@ -10,6 +10,7 @@ from urbanjax.roadmap.progress import Sample
 from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
 
+MISSING = 100.0  # m, by which a lane that is not there counts as farther
 NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be worth
 
 
@@ -27,14 +28,14 @@ def nearest_lane(
     """Weights over the lanes across on the one nearest to a lateral `offset` in metres (Eq. 25-26).
 
     The printed nearest link flips at crossings; lanes here belong to the route's corridor, so connectivity and
-    heading hold by construction, and `previous` weights give hysteresis. Args: here, the lanes across at one station;
-    driving, with LaneParams; offset [] m; previous [Q], the weights of the step before.
+    heading hold by construction, and `previous` weights give hysteresis. Args: here, the lanes across at one station,
+    which may be there to a degree; driving, with LaneParams; offset [] m; previous [Q], the weights of the step before.
     """
     params = driving.params
     distance = safe.sqrt((here.lane_offset - offset) ** 2 + 1e-6)
-    return soft.choose(
-        distance - params.stickiness * previous, driving.relaxation, scale=params.clear_difference, mask=here.has_lane
-    )
+    missing = 1 - here.has_lane.astype(distance.dtype)
+    cost = distance + MISSING * missing - params.stickiness * previous
+    return soft.choose(cost, driving.relaxation, scale=params.clear_difference)
 
 
 def terminal(

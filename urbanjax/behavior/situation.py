@@ -90,26 +90,26 @@ class SignalAhead:
 
     exists: Array  # [] bool, there is one
     distance: Array  # [] m from the front bumper; 0 where there is none
-    red: Array  # [] 0 or 1: red or yellow
+    red: Array  # [] 0 or 1: red, or yellow with room to stop
     turning: Array  # [] 0 or 1: the route turns left or right beyond it
 
 
 def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> SignalAhead:
     """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state.
 
-    Args: situation, of the step; body, of the ego.
+    What is not known to be green or yellow is red; at yellow one goes on who would have to brake harder than
+    `yellow_deceleration` (it exceeds that of a stop, so that who brakes for yellow keeps braking). Args: situation, of
+    the step; body, of the ego.
     """
     window, signals = situation.window, situation.signals
     distance = window.stop_station - body.front
     ahead = window.has_stop & (distance > -params.line_passed)
     nearest = jnp.argmin(jnp.where(ahead, distance, jnp.inf))
     exists = ahead[nearest]
-    signal = window.stop_signal[nearest]
-    red = jnp.zeros((), bool)
-    if signals.state.shape[0] > 0:
-        state = signals.state[signal]
-        stops = (state == SignalState.RED) | (state == SignalState.YELLOW)
-        red = exists & signals.valid[signal] & stops
+    shown = signals.shown(window.stop_signal[nearest])
+    room = jnp.maximum(distance[nearest] - params.yellow_reaction * body.speed, 0)
+    in_time = body.speed**2 <= 2 * params.yellow_deceleration * room
+    red = exists & ((shown == SignalState.RED) | ((shown == SignalState.YELLOW) & in_time))
     beyond = (window.station > body.rear) & (window.station < window.stop_station[nearest] + params.turn_reach)
     turns = (window.turn == Turn.LEFT) | (window.turn == Turn.RIGHT)
     turning = jnp.any(beyond & turns) & exists
@@ -122,8 +122,7 @@ def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> Sig
     )
 
 
-def near_signal(ahead: SignalAhead, driving: Driving) -> Float[Array, ""]:
-    """Degree to which the next stop line is within `signal_distance`. Args: ahead; driving, with TSPSParams."""
-    reach = driving.params.signal_distance
+def near_signal(ahead: SignalAhead, driving: Driving, *, reach: float | Array) -> Float[Array, ""]:
+    """Degree to which the next stop line is within `reach`. Args: ahead; driving, with TSPSParams; reach [m]."""
     near = soft.above(reach - ahead.distance, 0.0, driving.relaxation, scale=reach / 3)
     return jnp.where(ahead.exists, near, 0)

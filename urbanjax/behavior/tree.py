@@ -21,7 +21,11 @@ class TSPSParams:
     patience: float = 0.3  # s, time constant of the filter on "the route is blocked" (hysteresis)
     standing_speed: float = 0.3  # m/s, below which the vehicle stands
     stuck_time: float = 3.0  # s, after which a standing vehicle is stuck
-    signal_distance: float = 30.0  # m, to the stop line
+    signal_distance: float = 30.0  # m, to the stop line, within which the turn beyond it counts
+    queue_distance: float = 150.0  # m, to the stop line, within which one who stands may be in its queue
+    queue_start: float = 4.0  # m/s, at which vehicles in a queue come to start after green, from the line backwards
+    yellow_deceleration: float = 3.5  # m/s^2, beyond which one does not stop at yellow any more
+    yellow_reaction: float = 0.3  # s
     line_passed: float = 1.0  # m behind the front bumper, up to which a stop line is still the next one
     turn_reach: float = 20.0  # m beyond a stop line, within which a turn belongs to its signal
     entered_share: float = 0.25  # of the ego lane's width, by which a lane's centre is beside the vehicle to be another
@@ -51,7 +55,7 @@ class Conditions:
 class TSPSState:
     """What selection remembers."""
 
-    stuck: Array  # [] s that the vehicle has stood without a red signal
+    stuck: Array  # [] s that the vehicle has stood without a red signal ahead
     blocked: Array  # [] filtered degree to which the route is infeasible
 
 
@@ -89,13 +93,27 @@ def remember(
     return TSPSState(stuck=stuck, blocked=blocked)
 
 
-def decide(conditions: Conditions, params: TSPSParams) -> Selection:
+def standing(
+    state: TSPSState, driving: Driving, *, queued: Float[Array, ""], distance: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Degree to which the vehicle is stuck: it has stood for `stuck_time`, and for what a queue takes to start.
+
+    A queue starts from its head, so that who stands farther from the line waits longer after green. Args: state;
+    driving, with TSPSParams; queued [], degree of standing before a signal; distance [] m, to its stop line.
+    """
+    params = driving.params
+    wave = queued * jnp.maximum(distance, 0) / params.queue_start
+    return soft.above(state.stuck - wave, params.stuck_time, driving.relaxation, scale=params.stuck_time / 4)
+
+
+def decide(conditions: Conditions, params: TSPSParams, *, safest: Float[Array, "3"]) -> Selection:
     """The tree of Fig. 5 (Eq. 27) in its order; with degrees 0 and 1 exactly one outcome has weight 1.
 
     (1) route feasible -> route; (2) stuck -> micro; (3) micro infeasible -> route; (4) turning at a signal -> route;
     (5) side area occupied -> ego lane; (6) micro. Rule 3 keeps the ego lane instead while a vehicle beside blocks the
     way back to the route's lane. Where neither path is feasible and no lane lets the vehicle stop
-    by normal braking, the outcome is an emergency stop along the route. Args: conditions, of Fig. 5.
+    by normal braking, the outcome is an emergency stop along the least bad of the three. Args: conditions, of Fig. 5;
+    safest [3], weights over the paths on the one of most clearance.
     """
     rest = jnp.ones_like(conditions.route_feasible)
     outcome = {}
@@ -122,6 +140,6 @@ def decide(conditions: Conditions, params: TSPSParams) -> Selection:
     micro = outcome[Decision.STUCK_ESCAPE] + outcome[Decision.OVERTAKE]
     # "Keep the lane" (rule 3) means the ego lane where the route's lane is occupied alongside.
     ego = outcome[Decision.SIDE_OCCUPIED] + soft.both(outcome[Decision.MICRO_INFEASIBLE], conditions.return_occupied)
-    return Selection(
-        path=jnp.stack([1 - micro - ego, micro, ego]), decision=decision, emergency=outcome[Decision.EMERGENCY_STOP]
-    )
+    emergency = outcome[Decision.EMERGENCY_STOP]
+    path = jnp.stack([1 - micro - ego - emergency, micro, ego]) + emergency * safest
+    return Selection(path=path, decision=decision, emergency=emergency)

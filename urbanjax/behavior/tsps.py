@@ -19,7 +19,7 @@ from urbanjax.behavior.situation import (
     signal_ahead,
 )
 from urbanjax.behavior.surroundings import Surroundings, in_lane, relate
-from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember
+from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember, standing
 from urbanjax.numerics import soft
 from urbanjax.planning.plan import Plan
 from urbanjax.planning.situation import Situation
@@ -110,7 +110,8 @@ def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectS
         micro_feasible=micro.feasible,
         state=state.tree,
     )
-    selection = decide(conditions, params.tsps)
+    safest = soft.choose(-candidates.clearance, relaxation, scale=params.tsps.margin_scale)
+    selection = decide(conditions, params.tsps, safest=safest)
     chosen, target = soft.mixed(selection.path, (candidates, jnp.stack([lanes.route, lanes.micro, lanes.ego])))
     along_ego, scale = view.road.lane_offset @ lanes.ego, params.connect.terminal_scale
     choice = Choice(
@@ -178,8 +179,7 @@ def find_lanes(view: View, driving: Driving, *, micro: Path, previous: Float[Arr
     end = terminal(
         micro.offset, road.lane_offset @ ego, scale=params.connect.terminal_scale, relaxation=driving.relaxation
     )
-    exists = end @ road.has_lane.astype(end.dtype) > 0.5
-    there = view.here.replace(lane_offset=end @ road.lane_offset, has_lane=exists)
+    there = view.here.replace(lane_offset=end @ road.lane_offset, has_lane=end @ road.has_lane.astype(end.dtype))
     nowhere = jnp.zeros_like(previous)
     return LaneWeights(
         route=nowhere.at[previous.shape[0] // 2].set(1),
@@ -216,13 +216,14 @@ def assess(
     in_route, in_ego, in_micro = occupied(lanes.route), occupied(lanes.ego), occupied(lanes.micro)
     return_occupied = blocked_beside(lanes.route, in_route)
     clear = soft.above(route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
-    near = near_signal(view.signal, deciding)
-    route_free, red = soft.both(clear, soft.negate(return_occupied)), soft.both(near, view.signal.red)
+    near = near_signal(view.signal, deciding, reach=tree.signal_distance)
+    queued = near_signal(view.signal, deciding, reach=tree.queue_distance)
+    route_free, red = soft.both(clear, soft.negate(return_occupied)), soft.both(queued, view.signal.red)
     memory = remember(state, deciding, speed=body.speed, red=red, route_free=route_free)
     conditions = Conditions(
         # Of two halves: the filter says what holds more often than not.
         route_feasible=soft.above(0.5 - memory.blocked, 0.0, relaxation, scale=0.5),
-        stuck=soft.above(memory.stuck, tree.stuck_time, relaxation, scale=tree.stuck_time / 4),
+        stuck=standing(memory, deciding, queued=queued, distance=view.signal.distance),
         micro_feasible=micro_feasible,
         turning_at_signal=soft.both(near, view.signal.turning),
         side_occupied=blocked_beside(lanes.micro, in_micro),

@@ -27,6 +27,12 @@ def follow(
     """
     params = driving.params
     return Command(
-        acceleration=accelerate(state.speed, driving.of(params.longitudinal), reference=reference, emergency=emergency),
+        acceleration=accelerate(
+            state.speed,
+            driving.of(params.longitudinal),
+            previous=state.acceleration,
+            reference=reference,
+            emergency=emergency,
+        ),
         steering=steer(path, driving.of(params.lateral), state=state),
     )

@@ -16,18 +16,27 @@ class LongitudinalParams:
     time_constant: float = 0.6  # s
     comfort_acceleration: float = 2.0  # m/s^2
     comfort_deceleration: float = 4.0  # m/s^2, positive
+    max_jerk: float = 8.0  # m/s^3, outside emergencies
 
 
 def accelerate(
-    speed: Float[Array, ""], driving: Driving, *, reference: Float[Array, ""], emergency: Float[Array, ""]
+    speed: Float[Array, ""],
+    driving: Driving,
+    *,
+    previous: Float[Array, ""],
+    reference: Float[Array, ""],
+    emergency: Float[Array, ""],
 ) -> Float[Array, ""]:
     """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1.
 
-    Args: speed [] m/s; driving, with LongitudinalParams; reference [] m/s; emergency [], a share.
+    Outside emergencies it changes by no more than `max_jerk` allows. Args: speed [] m/s; driving, with
+    LongitudinalParams; previous [] m/s^2, the present acceleration; reference [] m/s; emergency [], a share.
     """
     params, vehicle = driving.params, driving.vehicle
     upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
     lower = -jnp.minimum(params.comfort_deceleration, vehicle.max_deceleration)
-    tracking = lean.clip((reference - speed) / params.time_constant, lower, upper)
+    wanted = lean.clip((reference - speed) / params.time_constant, lower, upper)
+    change = params.max_jerk * driving.period
+    tracking = lean.clip(wanted, previous - change, previous + change)
     braking = lean.clip(-speed / params.time_constant, -vehicle.max_deceleration, 0.0)
     return (1 - emergency) * tracking + emergency * braking

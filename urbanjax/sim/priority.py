@@ -43,7 +43,7 @@ def red_distance(
     """
     if graph.n_signals == 0:
         return jnp.full(front.shape, FAR, front.dtype)
-    shown = signals.state[graph.signal]
+    shown = signals.shown(graph.signal)
     red = jnp.min(jnp.where(graph.has_signal & (shown == SignalState.RED), graph.stop_line, FAR), axis=-1)
     yellow = jnp.min(jnp.where(graph.has_signal & (shown == SignalState.YELLOW), graph.stop_line, FAR), axis=-1)
     found = jnp.full(front.shape, FAR, front.dtype)

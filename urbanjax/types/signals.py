@@ -2,6 +2,7 @@
 
 import enum
 
+import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.types.struct import pytree
@@ -23,3 +24,14 @@ class Signals:
     state: Array  # [G] int32, a SignalState
     remaining: Array  # [G] s until the state changes
     valid: Array  # [G] bool
+
+    def shown(self, signal: Array) -> Array:
+        """The SignalState [*s] int32 to act upon: red where it is unknown, invalid, or of a signal not told about.
+
+        The only reading of `state` that a driver may use. Args: signal [*s] int32, ids of signals.
+        """
+        if self.state.shape[0] == 0:
+            return jnp.full(jnp.shape(signal), int(SignalState.RED), jnp.int32)
+        known = self.valid & (self.state != SignalState.UNKNOWN)
+        state = jnp.where(known, self.state, int(SignalState.RED))
+        return state.at[signal].get(mode="fill", fill_value=int(SignalState.RED))
