@@ -38,6 +38,18 @@ class Outer:
     fast: bool = static(default=False)
 
 
+@pytree
+class Sparse:
+    one: Inner | None = None
+    other: Inner | None = Inner(gain=3.0)
+    several: tuple[Inner, ...] = (Inner(gain=1.0), Inner(gain=2.0))
+
+
+@pytree
+class Whole:
+    sparse: Sparse = Sparse(one=Inner(gain=7.0), other=None)
+
+
 def params_classes():
     found = {}
     for module in pkgutil.walk_packages(urbanjax.__path__, "urbanjax."):
@@ -67,6 +79,23 @@ def test_values_reach_their_fields_and_the_rest_keeps_the_parents_defaults():
     assert isinstance(params.clamp, float)
 
 
+@pytest.mark.parametrize("make", [config.to_params, lambda cls, tree: config.updated(cls(), tree)])
+def test_a_group_that_may_be_none_or_is_one_of_several_keeps_the_parents_values(make):
+    shift, base = {"shift": 1.0}, Whole().sparse
+    made = make(Whole, {"sparse": {"one": shift}})
+    assert made == Whole(base.replace(one=Inner(gain=7.0, shift=1.0)))
+    assert make(Whole, {"sparse": {"other": shift}}) == Whole(base.replace(other=Inner(gain=3.0, shift=1.0)))
+    assert make(Whole, {"sparse": {"one": None}}) == Whole(base.replace(one=None))
+    several = make(Whole, {"sparse": {"several": [shift, {}, shift]}}).sparse.several
+    assert several == (Inner(gain=1.0, shift=1.0), Inner(gain=2.0), Inner(gain=2.0, shift=1.0))
+
+
+@pytest.mark.parametrize("group", [{"one": {"gian": 1}}, {"other": {"gian": 1}}, {"several": [{"gian": 1}]}])
+def test_a_mistake_in_such_a_group_is_named(group):
+    with pytest.raises(ConfigError, match=r"unknown key 'sparse.*gian'; the nearest valid key is 'sparse.*gain'"):
+        config.to_params(Whole, {"sparse": group})
+
+
 BAD = {
     "unknown key": (
         {"iner": {"gain": 1}},
@@ -90,6 +119,7 @@ BAD = {
     "no such member": ({"mode": "quick"}, "one of slow, fast, not 'quick'"),
     "no such choice": ({"kind": "three"}, "one of one, two, not 'three'"),
     "no such choice in a grid": ({"kinds": ["one", "three"]}, r"'stack.kinds\[1\]' must be one of one, two"),
+    "text for an optional number": ({"clamp": "fast"}, "'stack.clamp' must be a finite number, not 'fast'"),
     "number for a switch": ({"fast": 1}, "true or false"),
 }
 

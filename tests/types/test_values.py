@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import urbanjax
+from tests.types.test_config import Whole
 from urbanjax import LoopParams
 from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, as_arrays
@@ -88,3 +89,15 @@ def test_a_batch_is_zipped_and_maps():
 def test_refuses_batches_that_are_none(values, message):
     with pytest.raises(ConfigError, match=message):
         urbanjax.batched_values(LoopParams(), values)
+
+
+def test_a_batch_of_what_is_never_zero_maps():
+    params, axes = urbanjax.batched_values(as_arrays(LoopParams()), {"period": [0.1, 0.2]})
+    assert axes.period == 0
+    np.testing.assert_allclose(jax.vmap(lambda p: 2 * p.period, in_axes=(axes,))(params), [0.2, 0.4], rtol=1e-6)
+
+
+def test_a_group_that_was_none_is_filled_in_as_in_a_config():
+    changed = urbanjax.with_values(Whole(), {"sparse.one.shift": 1.0, "sparse.other.shift": 2.0})
+    assert changed == to_params(Whole, {"sparse": {"one": {"shift": 1.0}, "other": {"shift": 2.0}}})
+    assert changed.sparse.other.gain == 3.0

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from urbanjax.types.errors import ConfigError
+from urbanjax.types.limits import FieldLimits, instead, limits_of
 
 T = TypeVar("T")
 FORBIDDEN = "_target_"  # a config names values, never code
@@ -123,19 +124,31 @@ def updated(params: T, config: Mapping[str, Any], *, prefix: str = "") -> T:
 
 
 def _convert(spec: dataclasses.Field, current: Any, value: Any, key: str) -> Any:
-    """The value of one field. Its default says of which kind it is; the current value only matters for a group."""
+    """The value of one field. Its default says of which kind it is, the current value what a group leaves out."""
     default = default_of(spec)
-    if dataclasses.is_dataclass(default):
-        if not isinstance(value, Mapping):
-            raise ConfigError(f"'{key}' is a group of values, not {value!r}")
-        return updated(current, value, prefix=f"{key}.")
+    if value is None and (default is None or type(None) in typing.get_args(spec.type)):
+        return None
+    group = next((held for held in (current, default) if dataclasses.is_dataclass(held)), None)
+    if group is not None:
+        return _group(group, value, key)
     if isinstance(default, enum.Enum):
         return _member(type(default), value, key)
     if isinstance(default, tuple):
-        return _grid(spec, default, value, key)
-    if value is None and (default is None or type(None) in typing.get_args(spec.type)):
-        return None
-    return _scalar(default, value, key, _choices(spec), spec.metadata.get("range"))
+        return _grid(spec, current, value, key)
+    return _scalar(_like(default, spec), value, key, limits_of(spec))
+
+
+def _group(current: Any, value: Any, key: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"'{key}' is a group of values, not {value!r}")
+    check_keys(value, plain(current), prefix=f"{key}.")
+    return updated(current, value, prefix=f"{key}.")
+
+
+def _like(default: Any, spec: dataclasses.Field) -> Any:
+    """A value of the kind that a field without a default value holds: of `float | None`, 0."""
+    kinds = [kind for kind in typing.get_args(spec.type) if kind in (bool, int, float, str)]
+    return kinds[0]() if default is None and kinds else default
 
 
 def _member(kind: type[enum.Enum], value: Any, key: str) -> enum.Enum:
@@ -145,20 +158,26 @@ def _member(kind: type[enum.Enum], value: Any, key: str) -> enum.Enum:
     return names[value.lower()]
 
 
-def _grid(spec: dataclasses.Field, default: tuple, value: Any, key: str) -> tuple:
+def _grid(spec: dataclasses.Field, current: tuple, value: Any, key: str) -> tuple:
+    """The elements; those that are groups keep what the config leaves out, the ones beyond the current as the last."""
+    default = default_of(spec)
     if not isinstance(value, list | tuple):
         raise ConfigError(f"'{key}' must be a list, not {value!r}")
     if not value and default:
         raise ConfigError(f"'{key}' must not be empty")
-    first = default[0] if default else typing.get_args(spec.type)[0]()
+    like = current or default
+    first = like[0] if like else typing.get_args(spec.type)[0]()
+    if dataclasses.is_dataclass(first):
+        held = [like[min(i, len(like) - 1)] if like else first for i in range(len(value))]
+        return tuple(_group(held[i], item, f"{key}[{i}]") for i, item in enumerate(value))
+    first = default[0] if default else first
     free = -1.0 if isinstance(first, float) else first  # elements of a grid may be negative
-    choices, limits = spec.metadata.get("choices"), spec.metadata.get("range")
-    return tuple(_scalar(free, item, f"{key}[{i}]", choices, limits) for i, item in enumerate(value))
+    return tuple(_scalar(free, item, f"{key}[{i}]", limits_of(spec)) for i, item in enumerate(value))
 
 
-def _scalar(default: Any, value: Any, key: str, choices: tuple | None, limits: tuple | None) -> Any:
-    if choices and value not in choices:
-        raise ConfigError(f"'{key}' must be one of {', '.join(map(str, choices))}, not {value!r}")
+def _scalar(default: Any, value: Any, key: str, limits: FieldLimits) -> Any:
+    better = instead(value, choices=limits.choices, bounds=None)
+    _expect(not better, value, key, better)
     if isinstance(default, bool):
         return _expect(isinstance(value, bool), value, key, "true or false")
     if isinstance(default, str):
@@ -167,16 +186,13 @@ def _scalar(default: Any, value: Any, key: str, choices: tuple | None, limits: t
     if isinstance(default, int):
         _expect(number and float(value).is_integer(), value, key, "a whole number")
         value = int(value)
-    elif isinstance(default, float) or (default is None and number):
+    elif isinstance(default, float):
         _expect(number and math.isfinite(value), value, key, "a finite number")
         value = float(value)
     else:
         return value
-    low, high = limits or (_lowest(default), math.inf)
-    if not low <= value <= high:
-        bound = f"at least {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
-        raise ConfigError(f"'{key}' must be {bound}, not {value!r}")
-    return value
+    better = instead(value, choices=None, bounds=limits.bounds or (_lowest(default), math.inf))
+    return _expect(not better, value, key, better)
 
 
 def _expect(condition: bool, value: Any, key: str, kind: str) -> Any:
@@ -185,14 +201,8 @@ def _expect(condition: bool, value: Any, key: str, kind: str) -> Any:
     return value
 
 
-def _lowest(default: float | int | None) -> float | int:
+def _lowest(default: float | int) -> float | int:
     """Sizes and magnitudes (a positive default) are not negative; a count that is at least 1 stays so."""
     if isinstance(default, int):
         return 1 if default >= 1 else 0
-    return 0.0 if default is not None and default > 0.0 else -math.inf
-
-
-def _choices(spec: dataclasses.Field) -> tuple | None:
-    if typing.get_origin(spec.type) is typing.Literal:
-        return typing.get_args(spec.type)
-    return spec.metadata.get("choices")
+    return 0.0 if default > 0.0 else -math.inf
