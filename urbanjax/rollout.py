@@ -15,7 +15,7 @@ from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
 from urbanjax.sim.world import Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import ConfigError, pytree
+from urbanjax.types import POSITIVE, ConfigError, field, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -24,7 +24,7 @@ class LoopParams:
     """Everything that a closed loop depends on; vehicle, period and sensor are said here once and handed down."""
 
     vehicle: VehicleParams = VehicleParams()  # the ego
-    period: float = 0.1  # s, of one step of the driver
+    period: float = field(default=0.1, metadata=POSITIVE)  # s, of one step of the driver
     sensor: LidarParams = LidarParams()
     stack: StackParams = StackParams()
     sim: SimParams = SimParams()

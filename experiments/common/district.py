@@ -20,7 +20,7 @@ from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
-from urbanjax.types import ConfigError, Observation, Odometry, Scan, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, Observation, Odometry, Scan, as_arrays, field, pytree, static
 
 FIRST = 1  # the link on which the drives begin
 LEAST = 10  # scans of a drive
@@ -33,8 +33,8 @@ class MappingParams:
     drive: TourParams = TourParams(speed=10.0, offset=0.7)
     preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))
     distributions: MapParams = MapParams()
-    spacing: float = 4.0  # m between two scans
-    resolution: float = 0.5  # m, of the point-cloud map
+    spacing: float = field(default=4.0, metadata=POSITIVE)  # m between two scans
+    resolution: float = field(default=0.5, metadata=POSITIVE)  # m, of the point-cloud map
     position_noise: float = 0.01  # m, standard deviation of its poses
     heading_noise: float = 2e-4  # rad, likewise
     reach: float = 70.0  # m, of the points that are mapped

@@ -10,7 +10,7 @@ from urbanjax.io.bridges.highway.environment import FREQUENCY, open_environment
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
 from urbanjax.io.bridges.highway.measure import time_to_collision
 from urbanjax.stack import StackParams
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, pytree, static
 
 STACK, IDM = "stack", "IDM"
 
@@ -25,7 +25,7 @@ class HighwayStudy:
     drivers: tuple[str, ...] = static(default=(STACK, IDM), metadata={"choices": (STACK, IDM)})
     seeds: int = static(default=20)  # drives per environment and driver
     seed: int = static(default=0)  # the first one
-    duration: float = static(default=40.0)  # s, or the end of the road
+    duration: float = static(default=40.0, metadata=POSITIVE)  # s, or the end of the road
     gif_every: int = static(default=5, metadata={"range": (0, 1000)})  # steps between pictures; 0: none
 
 

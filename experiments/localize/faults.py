@@ -14,7 +14,7 @@ from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.sim.scenery.scenery import Scenery, altered
-from urbanjax.types import ConfigError, pytree, static
+from urbanjax.types import SHARE, ConfigError, field, pytree, static
 
 KINDS = ("scan_loss", "map_gap", "wrong_map", "kidnapping")
 WRONG = 0.5  # m, an error that must not go unnoticed
@@ -26,7 +26,8 @@ class FaultParams:
 
     loss_time: float = 2.0  # s without scans
     gap_length: float = 50.0  # m of the course without a map
-    altered_share: float = 0.3  # of what stands beside the road, changed since it was mapped
+    # of what stands beside the road, changed since it was mapped
+    altered_share: float = field(default=0.3, metadata=SHARE)
     kidnap: tuple[float, float] = (8.0, 30.0)  # m along the course, by which the vehicle is put ahead
     before: float = 3.0  # s of good localization
     after: float = 12.0  # s to recover in

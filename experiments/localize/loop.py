@@ -28,7 +28,7 @@ from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import ConfigError, as_arrays, pytree, static
+from urbanjax.types import POSITIVE, SHARE, ConfigError, as_arrays, field, pytree, static
 
 SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
@@ -40,9 +40,9 @@ class LoopStudy:
     stack: StackParams = StackParams(localizer="lidar")
     sim: SimParams = SimParams()
     scenario: OvertakeParams = OvertakeParams()
-    taus: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75)
+    taus: tuple[float, ...] = field(default=(0.0, 0.25, 0.5, 0.75), metadata=SHARE)
     link: int = static(default=82)  # on which the ego starts: the middle lane of three before straight H
-    duration: float = static(default=20.0)  # s
+    duration: float = static(default=20.0, metadata=POSITIVE)  # s
     starts: int = static(default=8, metadata={"range": (0, 1000)})
     seed: int = static(default=0)
 

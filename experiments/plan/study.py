@@ -25,7 +25,7 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
 from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
-from urbanjax.types import ConfigError, Observation, Prediction, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, Observation, Prediction, as_arrays, field, pytree, static
 
 
 @pytree
@@ -35,7 +35,7 @@ class PlanStudy(LoopParams):
     scenario: OvertakeParams = OvertakeParams()
     corridor: CorridorParams = CorridorParams()
     time: float = field(default=2.0, metadata={"range": (0.0, 1e3)})  # s driven before
-    temperature: float = 2.0  # of the soft plan whose marginals are drawn
+    temperature: float = field(default=2.0, metadata=POSITIVE)  # of the soft plan whose marginals are drawn
     seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
     file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
     ego: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first

@@ -15,7 +15,7 @@ from urbanjax.localization import motion, sliding
 from urbanjax.localization.sliding import SlidingParams
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.voxelmap import VoxelMap
-from urbanjax.types import as_arrays, pytree, static
+from urbanjax.types import SHARE, as_arrays, field, pytree, static
 
 DEGREES = 3  # x, y, heading
 
@@ -28,7 +28,7 @@ class CalibrationParams:
     turned: float = 0.03  # rad, likewise
     start_position: float = 0.1  # m, standard deviation of the start
     start_heading: float = 0.01  # rad, likewise
-    level: float = 0.95  # share of the errors that s^2 is to cover
+    level: float = field(default=0.95, metadata=SHARE)  # share of the errors that s^2 is to cover
     fit: int = static(default=1000, metadata={"range": (10, 1_000_000)})
     test: int = static(default=500, metadata={"range": (10, 1_000_000)})
 

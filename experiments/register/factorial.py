@@ -12,7 +12,7 @@ import numpy as np
 from experiments.register.bench import ANYWHERE, Bench, Found, Seen, Setting
 from experiments.register.rows import OPEN_EPSILON
 from urbanjax.localization import motion
-from urbanjax.types import ConfigError, as_arrays, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, as_arrays, pytree, static
 
 
 @pytree
@@ -28,7 +28,7 @@ class FactorialParams:
     channels: tuple[int, ...] = static(default=(64, 96, 128))
     sensing: tuple[float, ...] = static(default=(70.0, 100.0))  # m
     window: tuple[float, ...] = static(default=(70.0, 100.0))  # m
-    voxel: tuple[float, ...] = static(default=(0.5, 1.0))  # m
+    voxel: tuple[float, ...] = static(default=(0.5, 1.0), metadata=POSITIVE)  # m
     iterations: tuple[int, ...] = static(default=(10, 32, 64))
     methods: tuple[str, ...] = static(default=("ndt", "vgicp"), metadata={"choices": ("ndt", "vgicp")})
     scans: int = static(default=50)

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.behavior.situation import SignalAhead
 from urbanjax.numerics import safe
-from urbanjax.types import Path, pytree
+from urbanjax.types import POSITIVE, Path, field, pytree
 from urbanjax.vehicle.limits import approach_speed, curve_speed, stop_speed
 
 
@@ -15,8 +15,8 @@ class CapParams:
     """Comfort in curves and before stops."""
 
     lateral_acceleration: float = 2.5  # m/s^2
-    curve_deceleration: float = 1.5  # m/s^2, towards slower stretches ahead
-    stop_deceleration: float = 2.5  # m/s^2, towards a stop line
+    curve_deceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, towards slower stretches ahead
+    stop_deceleration: float = field(default=2.5, metadata=POSITIVE)  # m/s^2, towards a stop line
     stop_margin: float = 1.5  # m, before the stop line
     reaction_time: float = 0.3  # s
 

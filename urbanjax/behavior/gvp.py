@@ -7,7 +7,7 @@ from jaxtyping import Float
 from urbanjax.behavior.situation import Body
 from urbanjax.behavior.surroundings import Surroundings, in_lane
 from urbanjax.numerics import safe, soft
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.following import constant_headway_speed
 
@@ -16,9 +16,11 @@ from urbanjax.vehicle.following import constant_headway_speed
 class GVPParams:
     """Aggressiveness and the shape of the two lanes that it weighs."""
 
-    tau: float = 0.75  # [-], aggressiveness factor of Eq. 29; 0 follows the geometry now, 1 where the path leads
+    # [-], aggressiveness factor of Eq. 29; 0 follows the geometry now, 1 where the path leads
+    tau: float = field(default=0.75, metadata=SHARE)
     overlap: float = 0.5  # m, by which bumpers may overlap and the other one still leads
-    clamp_time: float = 1.2  # s, least time to collision with what the chosen path does not clear
+    # s, least time to collision with what the chosen path does not clear
+    clamp_time: float = field(default=1.2, metadata=POSITIVE)
     ttc_clamp: bool = static(default=True)  # limit v_ref by clamp_time (not in the paper)
 
 

@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import soft
-from urbanjax.types import Decision, pytree, static
+from urbanjax.types import SHARE, Decision, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 
 ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
@@ -28,7 +28,8 @@ class TSPSParams:
     yellow_reaction: float = 0.3  # s
     line_passed: float = 1.0  # m behind the front bumper, up to which a stop line is still the next one
     turn_reach: float = 20.0  # m beyond a stop line, within which a turn belongs to its signal
-    entered_share: float = 0.25  # of the ego lane's width, by which a lane's centre is beside the vehicle to be another
+    # of the ego lane's width, by which a lane's centre is beside the vehicle to be another
+    entered_share: float = field(default=0.25, metadata=SHARE)
     side_rear: float = 3.0  # m, free space behind the rear bumper in the lane that is entered
     side_front: float = 2.0  # m, free space before the front bumper
     side_time: float = 1.5  # s, by which the rear space grows with the closing speed

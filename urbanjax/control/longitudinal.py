@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean
-from urbanjax.types import pytree
+from urbanjax.types import POSITIVE, field, pytree
 from urbanjax.vehicle.driving import Driving
 
 
@@ -13,7 +13,7 @@ from urbanjax.vehicle.driving import Driving
 class LongitudinalParams:
     """First-order tracking of the reference speed within comfortable limits."""
 
-    time_constant: float = 0.6  # s
+    time_constant: float = field(default=0.6, metadata=POSITIVE)  # s
     comfort_acceleration: float = 2.0  # m/s^2
     comfort_deceleration: float = 4.0  # m/s^2, positive
     max_jerk: float = 8.0  # m/s^3, outside emergencies

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from urbanjax.localization.types import Health, Sign
 from urbanjax.numerics import safe
 from urbanjax.registration import Alignment, degeneracy
-from urbanjax.types import pytree, static
+from urbanjax.types import SHARE, field, pytree, static
 
 CERTAIN = 2.0  # of a sign that only says yes or no, or that is not a number: failure, whatever doubt there is
 LARGEST = 1e3  # of a sign: finite, so that scores can be compared
@@ -20,9 +20,10 @@ LEVEL = 0.5  # squared part of a direction in the plane, from which on it counts
 class HealthParams:
     """Where each sign of failure sets in, and how long each way of going on is trusted."""
 
-    least_share: float = 0.5  # of points with a correspondence
+    least_share: float = field(default=0.5, metadata=SHARE)  # of points with a correspondence
     most_residual: float = 0.5  # mean squared Mahalanobis distance of pairs, three times that of a good registration
-    least_direction: float = 0.002  # share of the information in the plane that the weakest direction has
+    # share of the information in the plane that the weakest direction has
+    least_direction: float = field(default=0.002, metadata=SHARE)
     innovation: float = 0.7  # m from the prediction
     rotation: float = 0.05  # rad, likewise
     growth: float = 0.3  # m per s without registration, by which the innovation may be larger

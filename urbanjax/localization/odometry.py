@@ -12,7 +12,7 @@ from jax import Array, lax
 from urbanjax.numerics import safe, symmetric
 from urbanjax.registration import Alignment, AlignParams, MapParams, PointCloud, align, build
 from urbanjax.registration.linear import FactorParams, Rigid
-from urbanjax.types import pytree, static
+from urbanjax.types import SHARE, field, pytree, static
 
 
 @pytree
@@ -23,7 +23,8 @@ class OdometryParams:
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=2.0, kernel="huber"))
     spacing: float = 2.0  # m between keyframes
     rotation: float = 0.15  # rad between keyframes
-    least_share: float = 0.4  # of points with a correspondence, below which a scan does not fit the local map
+    # of points with a correspondence, below which a scan does not fit the local map
+    least_share: float = field(default=0.4, metadata=SHARE)
     innovation: float = 1.0  # m from the predicted motion, beyond which it does not fit either
     keyframes: int = static(default=5)
 

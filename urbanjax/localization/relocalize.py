@@ -11,7 +11,7 @@ from urbanjax.localization.types import Health
 from urbanjax.registration import align_starts
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.types import Observation, pytree, static
+from urbanjax.types import POSITIVE, SHARE, Observation, field, pytree, static
 
 WAYS = 8  # sectors of heading that are told apart
 CELLS = 8192  # along x and y, after which numbers of cells repeat: with the ways they fit into 32 bits
@@ -21,9 +21,11 @@ CELLS = 8192  # along x and y, after which numbers of cells repeat: with the way
 class RelocalizeParams:
     """Where a lost vehicle is looked for."""
 
-    max_distance: float = 4.0  # m, of correspondences: wide, since a start may be metres off
+    # m, of correspondences: wide, since a start may be metres off
+    max_distance: float = field(default=4.0, metadata=POSITIVE)
     near: float = 0.5  # m, of correspondences that count in the end
-    least_share: float = 0.6  # of points with a correspondence, below which nothing was found
+    # of points with a correspondence, below which nothing was found
+    least_share: float = field(default=0.6, metadata=SHARE)
     starts: int = static(default=96)  # K
     finalists: int = static(default=8)  # of them, that are refined
     max_iterations: int = static(default=12)  # of the first round

@@ -19,7 +19,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Bool, Float
 
 from urbanjax.numerics import lean, safe
-from urbanjax.types import ConfigError, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, field, pytree, static
 
 T = TypeVar("T")
 
@@ -30,7 +30,7 @@ MODES = ("hard", "soft", "straight_through")
 class Relaxation:
     """How hard choices are relaxed, and how much."""
 
-    temperature: float = 0.1  # [-], multiplied by the natural scale of each choice
+    temperature: float = field(default=0.1, metadata=POSITIVE)  # [-], multiplied by the natural scale of each choice
     mode: str = static(default="hard", metadata={"choices": MODES})
 
 

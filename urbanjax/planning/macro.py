@@ -17,7 +17,7 @@ from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
 from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.situation import Situation
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.limits import curve_speed
 from urbanjax.vehicle.profile import ProfileParams, free_flow
@@ -29,8 +29,8 @@ __all__ = ["MACRO_TERMS", "MacroParams", "MacroPlan", "layered_search", "offset_
 class MacroParams:
     """The lattice and what its edges cost."""
 
-    horizon: float = 8.0  # s, at the free-flow speed
-    min_spacing: float = 2.0  # m, between layers
+    horizon: float = field(default=8.0, metadata=POSITIVE)  # s, at the free-flow speed
+    min_spacing: float = field(default=2.0, metadata=POSITIVE)  # m, between layers
     max_spacing: float = 12.0  # m
     lateral_acceleration: float = 2.5  # m/s^2, assumed in curves
     choice_scale: float = 0.25  # m of cost that count as clearly cheaper

@@ -10,14 +10,14 @@ from urbanjax.planning.basis import hat, product
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.locate import Location
-from urbanjax.types import Objects, Prediction, pytree, static
+from urbanjax.types import POSITIVE, Objects, Prediction, field, pytree, static
 
 
 @pytree
 class PredictionParams:
     """How far and along what objects are predicted."""
 
-    horizon: float = 8.0  # s
+    horizon: float = field(default=8.0, metadata=POSITIVE)  # s
     settle_time: float = 1.0  # s, time constant with which an object turns parallel to its lane
     heading_gate: float = 0.8  # rad, off the lane's direction by more, an object is taken to drive straight on
     heading_ramp: float = 0.3  # rad, over which the two blend

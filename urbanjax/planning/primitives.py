@@ -17,7 +17,7 @@ from urbanjax.planning.macro import MacroPlan, offset_at, profile_at
 from urbanjax.planning.quintic import EndState, Lateral, planar, stationwise
 from urbanjax.planning.resample import arc_length_splines
 from urbanjax.planning.situation import Situation
-from urbanjax.types import VehicleState, pytree, static
+from urbanjax.types import POSITIVE, VehicleState, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 
 RESAMPLINGS = ("exact", "spline")  # heading and curvature: of the quintics, or of splines through their points
@@ -28,7 +28,7 @@ class PrimitiveParams:
     """The grid of end states, and the station grid that all candidates share."""
 
     offsets: tuple[float, ...] = (-1.2, -0.7, -0.3, 0.0, 0.3, 0.7, 1.2)  # m beside the macro plan
-    durations: tuple[float, ...] = (2.0, 3.0, 4.5)  # s
+    durations: tuple[float, ...] = field(default=(2.0, 3.0, 4.5), metadata=POSITIVE)  # s
     speed_factors: tuple[float, ...] = (0.5, 1.0)  # of the free-flow speed at that time
     accelerations: tuple[float, ...] = (0.0,)  # m/s^2, at the end
     deceleration: float = 4.0  # m/s^2, to reach a lower end speed
@@ -38,7 +38,7 @@ class PrimitiveParams:
     low_speed: float = 2.0  # m/s, where the lateral offset over station replaces the quintics over time
     low_speed_ramp: float = 1.0  # m/s, to either side, over which the two blend
     path_horizon: float = 6.0  # s, covered by the grid at the present speed
-    min_spacing: float = 1.0  # m, of the grid
+    min_spacing: float = field(default=1.0, metadata=POSITIVE)  # m, of the grid
     max_spacing: float = 3.0  # m
     n_points: int = static(default=41)
     resampling: str = static(default="exact", metadata={"choices": RESAMPLINGS})

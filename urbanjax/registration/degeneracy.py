@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Float
 
-from urbanjax.types import pytree
+from urbanjax.types import SHARE, field, pytree
 
 RIDGE = 1e-6  # share of its trace that is added to a block's diagonal before it is inverted
 LEAST_INFORMATION = 1e-6  # trace, below which it counts as this one: without points nothing divides by 0
@@ -14,7 +14,8 @@ LEAST_INFORMATION = 1e-6  # trace, below which it counts as this one: without po
 class DegeneracyParams:
     """When a direction counts as unobserved."""
 
-    share: float = 0.01  # of the information on all three directions, below which one is degenerate
+    # of the information on all three directions, below which one is degenerate
+    share: float = field(default=0.01, metadata=SHARE)
 
 
 @pytree

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float, Int
 
 from urbanjax.numerics import symmetric
 from urbanjax.registration.points import PointCloud
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, field, pytree, static
 
 METHODS = ("vgicp", "ndt", "gicp")
 
@@ -15,7 +15,7 @@ METHODS = ("vgicp", "ndt", "gicp")
 class MapParams:
     """How a map is made of points."""
 
-    resolution: float = 1.0  # m, edge of a voxel
+    resolution: float = field(default=1.0, metadata=POSITIVE)  # m, edge of a voxel
     min_points: float = 6.0  # of a voxel, below which its scatter says nothing (ndt only)
     floor: float = 0.01  # share of the largest eigenvalue that the others have at least (ndt only)
     method: str = static(default="vgicp", metadata={"choices": METHODS})

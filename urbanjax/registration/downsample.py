@@ -6,14 +6,14 @@ from jaxtyping import Bool, Float
 
 from urbanjax.registration.cells import before, chosen, representatives
 from urbanjax.registration.points import PointCloud, cloud
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, field, pytree, static
 
 
 @pytree
 class DownsampleParams:
     """How coarse, and how many points there may be."""
 
-    resolution: float = 0.25  # m, edge of a voxel
+    resolution: float = field(default=0.25, metadata=POSITIVE)  # m, edge of a voxel
     capacity: int = static(default=8192)  # points of the result
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from urbanjax.numerics import nearest, symmetric
 from urbanjax.registration.points import PointCloud
-from urbanjax.types import pytree, static
+from urbanjax.types import SHARE, field, pytree, static
 
 UPRIGHT = 0.8  # least vertical component of the direction of an edge
 
@@ -20,7 +20,8 @@ class FeatureParams:
     """Neighbourhoods and how flat a surface is taken to be."""
 
     thickness: float = 1e-3  # variance across the surface, as a share of that along it
-    linearity: float = 0.8  # share of the largest variance by which it exceeds the next, from which on it is an edge
+    # share of the largest variance by which it exceeds the next, from which on it is an edge
+    linearity: float = field(default=0.8, metadata=SHARE)
     neighbours: int = static(default=10)  # points that make a surface, the point itself included
     least: int = static(default=5)  # below which there is no surface
     visits: int = static(default=24)  # see numerics.nearest

@@ -11,7 +11,7 @@ from urbanjax.registration import kernels
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.kernels import KERNELS
 from urbanjax.registration.points import PointCloud
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 
 WEIGHTS = ("one", "sqrt_count", "count")
 LEAST_INFORMATION = 1e-6  # trace of a Hessian, below which it counts as this one: without points nothing divides by 0
@@ -21,9 +21,10 @@ LEAST_INFORMATION = 1e-6  # trace of a Hessian, below which it counts as this on
 class FactorParams:
     """What counts as a correspondence, and what it weighs."""
 
-    max_distance: float = 1.0  # m, of a point from its distribution's mean
-    kernel_scale: float = 3.0  # [-], Mahalanobis distance at which a robust kernel sets in
-    outlier_share: float = 0.55  # of points that the map does not explain (ndt only)
+    max_distance: float = field(default=1.0, metadata=POSITIVE)  # m, of a point from its distribution's mean
+    # [-], Mahalanobis distance at which a robust kernel sets in
+    kernel_scale: float = field(default=3.0, metadata=POSITIVE)
+    outlier_share: float = field(default=0.55, metadata=SHARE)  # of points that the map does not explain (ndt only)
     weight: str = static(default="one", metadata={"choices": WEIGHTS})  # by the number of points of the voxel
     kernel: str = static(default="none", metadata={"choices": KERNELS})
 

@@ -10,7 +10,7 @@ from urbanjax.roadmap.across import LanesAcross, lanes_across
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.reference import ReferenceRow, Walk, rows, unwrapped, walk
 from urbanjax.roadmap.route import Route
-from urbanjax.types import RoadError, pytree, static
+from urbanjax.types import POSITIVE, RoadError, pytree, static
 
 BLENDED = 0.15  # share of a lane change, at its start and its end, in which the lane that is nearer decides alone
 SLACK = 1.01  # by which the reference line may be longer than the links that it covers
@@ -58,7 +58,7 @@ class CorridorParams:
 
     blend_length: float = 30.0  # m, over which the reference line moves to the next lane
     n_stations: int = static(default=1024)  # N
-    spacing: float = static(default=1.0)  # m
+    spacing: float = static(default=1.0, metadata=POSITIVE)  # m
     lanes: int = static(default=5)  # Q, odd
     n_stops: int = static(default=16)  # Y
 

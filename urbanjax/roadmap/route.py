@@ -99,8 +99,6 @@ def route_between(
             raise RouteError(f"{name} link {link} is not in the road graph: choose one of 0..{valid.sum() - 1}")
     if laps < 1:
         raise RouteError(f"laps is {laps}: use 1 or more")
-    if params.cost not in COSTS or params.search not in SEARCHES:
-        raise RouteError(f"cost {params.cost!r} or search {params.search!r} is unknown: use one of {COSTS}, {SEARCHES}")
     if not (params.change_length >= 0 and params.change_time >= 0):
         raise RouteError(f"lane-change penalties are {params.change_length} m, {params.change_time} s: use 0 or more")
     if blocked is not None and (blocked.shape != valid.shape or blocked.dtype != bool):

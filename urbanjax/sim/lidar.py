@@ -12,7 +12,7 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.sim.scenery.scenery import Scenery
-from urbanjax.types import Mount, Objects, Scan, VehicleState, pytree, static
+from urbanjax.types import POSITIVE, SHARE, Mount, Objects, Scan, VehicleState, field, pytree, static
 
 # Elevations of the rings [degrees], from the top.
 PATTERNS = {
@@ -36,8 +36,8 @@ class LidarParams:
     ground_range: float = 60.0  # m, beyond which the ground, met at a grazing angle, gives no return
     ground_reflectivity: float = 0.2
     noise: float = 0.03  # m, standard deviation along the ray
-    dropout: float = 0.05  # share of the returns that are lost
-    period: float = 0.1  # s, of one sweep
+    dropout: float = field(default=0.05, metadata=SHARE)  # share of the returns that are lost
+    period: float = field(default=0.1, metadata=POSITIVE)  # s, of one sweep
     vehicle_bottom: float = 0.25  # m, under the body of other vehicles
     vehicle_top: float = 1.5  # m, their roof
     vehicle_reflectivity: float = 0.5

@@ -9,6 +9,7 @@ from urbanjax.types.errors import (
     ScenarioError,
     UrbanJaxError,
 )
+from urbanjax.types.limits import POSITIVE, SHARE
 from urbanjax.types.objects import Objects, Prediction
 from urbanjax.types.observation import Observation
 from urbanjax.types.path import Path
@@ -21,6 +22,8 @@ from urbanjax.types.values import batched_values, with_values
 
 __all__ = [
     "HANDED_DOWN",
+    "POSITIVE",
+    "SHARE",
     "CloudError",
     "Command",
     "ConfigError",

@@ -55,7 +55,7 @@ def batched_values(params: T, values: Mapping[str, Any]) -> tuple[T, T]:
     if len(set(lengths.values())) > 1:
         stated_lengths = ", ".join(f"'{key}' has {n}" for key, n in lengths.items())
         raise ConfigError(f"arrays that are zipped must have one length: {stated_lengths}")
-    axes = jax.tree.map(lambda _: None, params)
+    given = params
     for key, array in arrays.items():
         for value in {float(array.min()), float(array.max())} if np.all(np.isfinite(array)) else {float("nan")}:
             with_values(params, {key: value})
@@ -64,8 +64,7 @@ def batched_values(params: T, values: Mapping[str, Any]) -> tuple[T, T]:
             raise ConfigError(f"'{key}' is no float: only those can be a batch, what sets shapes or choices cannot")
         dtype = getattr(leaf, "dtype", jnp.zeros(()).dtype)
         params = _replaced(params, key.split("."), jnp.asarray(array, dtype))
-        axes = _replaced(axes, key.split("."), 0)
-    return params, axes
+    return params, jax.tree.map(lambda leaf, before: None if leaf is before else 0, params, given)
 
 
 def _as_before(before: Any, after: Any) -> Any:

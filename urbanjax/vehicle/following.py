@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, field, pytree, static
 from urbanjax.vehicle.limits import MIN_SPEED
 
 MIN_GAP = 0.1  # m, a smaller or negative gap counts as this one
@@ -15,8 +15,8 @@ MIN_RATIO = 1e-4  # of speed to desired speed: keeps the logarithm inside the po
 class IDMParams:
     """Intelligent driver model (Treiber, Hennecke, Helbing 2000); gaps are bumper to bumper."""
 
-    acceleration: float = 1.5  # m/s^2, from standstill on a free road
-    deceleration: float = 2.0  # m/s^2, comfortable braking, positive
+    acceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, from standstill on a free road
+    deceleration: float = field(default=2.0, metadata=POSITIVE)  # m/s^2, comfortable braking, positive
     time_headway: float = 1.2  # s
     jam_distance: float = 2.0  # m
     exponent: float = 4.0  # [-]
@@ -29,7 +29,7 @@ class HeadwayParams:
 
     time_headway: float = 1.2  # s
     jam_distance: float = 3.0  # m
-    time_constant: float = 1.5  # s, in which a gap error is to be closed
+    time_constant: float = field(default=1.5, metadata=POSITIVE)  # s, in which a gap error is to be closed
 
 
 def highway_idm() -> IDMParams:

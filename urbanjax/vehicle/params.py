@@ -2,16 +2,16 @@
 
 from jax import Array
 
-from urbanjax.types import pytree
+from urbanjax.types import POSITIVE, field, pytree
 
 
 @pytree
 class VehicleParams:
     """A mid-size car; the reference point is the centre of the rear axle."""
 
-    wheelbase: float = 2.8  # m
-    length: float = 4.7  # m
-    width: float = 1.9  # m
+    wheelbase: float = field(default=2.8, metadata=POSITIVE)  # m
+    length: float = field(default=4.7, metadata=POSITIVE)  # m
+    width: float = field(default=1.9, metadata=POSITIVE)  # m
     rear_overhang: float = 0.95  # m, from the rear axle to the rear bumper
     max_acceleration: float = 2.5  # m/s^2
     max_deceleration: float = 6.0  # m/s^2, positive

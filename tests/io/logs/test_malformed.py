@@ -13,6 +13,7 @@ from tests.io.logs import formats
 from tests.io.logs.formats import F1, LONG, OPENACC, csv_text, drive, form, write
 from urbanjax.io import files, logs
 from urbanjax.io.logs import LogError, csv_table, parquet_table, reader
+from urbanjax.types import ConfigError
 
 PLAIN = {"columns": {"time": "time", "x": "x", "y": "y", "speed": "speed"}}
 TIME, POSITION, SPEED, _ = drive(6)
@@ -124,8 +125,6 @@ def test_formats_made_in_code_are_checked(tmp_path):
     path = write(tmp_path, GOOD, "log.csv")
     base = form(PLAIN)
     for wrong, message in (
-        (base.replace(units=base.units.replace(speed="kmh")), "units.speed' must be one of"),
-        (base.replace(layout="broad"), "'layout' must be one of"),
         (base.replace(layout="long"), "'columns.vehicle' is empty"),
         (base.replace(layout="wide"), "must hold {i}"),
         (base.replace(columns=base.columns.replace(x="")), "'columns.x' is empty"),
@@ -134,6 +133,10 @@ def test_formats_made_in_code_are_checked(tmp_path):
     ):
         with pytest.raises(LogError, match=message):
             logs.read(path, wrong)
+    with pytest.raises(ConfigError, match=r"Units.speed is 'kmh': use one of m/s, km/h"):
+        base.units.replace(speed="kmh")
+    with pytest.raises(ConfigError, match=r"LogFormat.layout is 'broad': use one of single, long, wide"):
+        base.replace(layout="broad")
 
 
 def test_vehicles_with_too_few_samples_may_be_left_out(tmp_path):

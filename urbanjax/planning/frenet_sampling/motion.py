@@ -12,7 +12,7 @@ from jax import Array
 from urbanjax.numerics import polynomial
 from urbanjax.numerics.once import once
 from urbanjax.planning.frenet_sampling.line import LineFoot, ReferenceLine, look_up
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, field, pytree, static
 
 HEADINGS = ("exact", "slope")  # tan of the heading against the reference: d' / (1 - kappa d), or d' alone
 LATERALS = ("time", "station")  # what the lateral offset is a quintic of; at low speed of the station
@@ -27,8 +27,9 @@ class EndGrid:
     offsets: Any = (-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0)  # [D] m, left of the reference line
     speeds: Any = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0)  # [V] m/s along it
     accelerations: Any = (0.0,)  # [A] m/s^2
-    durations: Any = (1.0, 2.0, 3.0)  # [N] s; afterwards the speed holds and the offset stays
-    period: float = 0.1  # s, between two points
+    # [N] s; afterwards the speed holds and the offset stays
+    durations: Any = field(default=(1.0, 2.0, 3.0), metadata=POSITIVE)
+    period: float = field(default=0.1, metadata=POSITIVE)  # s, between two points
     n_times: int = static(default=31)  # T
     lateral: str = static(default="time", metadata={"choices": LATERALS})
     heading: str = static(default="exact", metadata={"choices": HEADINGS})

@@ -13,7 +13,7 @@ from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios.scenario import Scenario, traffic
 from urbanjax.sim.signals import alternating
 from urbanjax.sim.world import WorldState
-from urbanjax.types import VehicleState, pytree, static
+from urbanjax.types import POSITIVE, VehicleState, field, pytree, static
 
 START_SHARE = 0.6  # of the wanted speed, at which vehicles start
 NEVER = 2.0  # above all random numbers, for places that are not to be chosen
@@ -31,7 +31,7 @@ class CirculateParams:
     ego_speed: float = 8.0  # m/s
     factor: tuple[float, float] = (0.6, 1.1)  # wanted speed as a share of the limit
     headway: tuple[float, float] = (0.9, 1.8)  # s
-    signal_cycle: float = 60.0  # s
+    signal_cycle: float = field(default=60.0, metadata=POSITIVE)  # s
 
 
 def road(params: CirculateParams) -> RoadGraph:

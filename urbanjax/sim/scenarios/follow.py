@@ -9,7 +9,7 @@ from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.types import pytree, static
+from urbanjax.types import SHARE, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 LANE = 0  # the only link
@@ -28,7 +28,7 @@ class FollowParams:
     ego_speed: tuple[float, float] = (6.0, 13.0)  # m/s
     leader_speed: tuple[float, float] = (4.0, 12.0)  # m/s
     gap: tuple[float, float] = (20.0, 50.0)  # m, bumper to bumper
-    stops: float = 0.5  # share of starts with a standing vehicle
+    stops: float = field(default=0.5, metadata=SHARE)  # share of starts with a standing vehicle
     stop_gap: tuple[float, float] = (80.0, 160.0)  # m, from the leader to the standing vehicle
 
 

@@ -9,7 +9,7 @@ from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.types import pytree, static
+from urbanjax.types import SHARE, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 LEFT, RIGHT = 0, 1  # links of the road
@@ -28,7 +28,7 @@ class OvertakeParams:
     ego_speed: tuple[float, float] = (8.0, 14.0)  # m/s
     leader_speed: tuple[float, float] = (2.0, 6.0)  # m/s
     gap: tuple[float, float] = (15.0, 40.0)  # m, bumper to bumper
-    crowded: float = 0.5  # share of starts with a vehicle in the left lane
+    crowded: float = field(default=0.5, metadata=SHARE)  # share of starts with a vehicle in the left lane
     beside_speed: tuple[float, float] = (8.0, 13.0)  # m/s
     behind_gap: tuple[float, float] = (8.0, 35.0)  # m, from the ego's rear bumper to that vehicle's front, if behind
     ahead_gap: tuple[float, float] = (0.0, 35.0)  # m, from the ego's front bumper to its rear, if ahead

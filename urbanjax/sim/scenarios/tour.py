@@ -7,7 +7,7 @@ from jax import Array
 
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.progress import sample, to_world
-from urbanjax.types import Objects, Odometry, VehicleState, pytree, static
+from urbanjax.types import POSITIVE, Objects, Odometry, VehicleState, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 LENGTH, WIDTH = 4.5, 1.8  # m, of the vehicles around
@@ -31,7 +31,7 @@ class TourParams:
     traffic_speed: tuple[float, float] = (6.0, 14.0)  # m/s
     traffic_reach: float = 90.0  # m ahead and behind, within which vehicles stay
     vehicles: int = static(default=20)
-    period: float = 0.1  # s
+    period: float = field(default=0.1, metadata=POSITIVE)  # s
 
 
 @pytree
