@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 from jax import Array
@@ -15,13 +15,22 @@ from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
 from urbanjax.sim.world import Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, ConfigError, field, pytree
+from urbanjax.types import POSITIVE, ConfigError, Unread, field, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 
 @pytree
 class LoopParams:
     """Everything that a closed loop depends on; vehicle, period and sensor are said here once and handed down."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "sensor": Unread(
+            "only the localizer 'lidar' does, see 'stack.localizer'", lambda p: p.stack.localizer != "lidar"
+        ),
+        "sim.reaction.*_scale": Unread(
+            "only relaxed choices do, see 'stack.relaxation.mode'", lambda p: p.stack.relaxation.mode == "hard"
+        ),
+    }
 
     vehicle: VehicleParams = VehicleParams()  # the ego
     period: float = field(default=0.1, metadata=POSITIVE)  # s, of one step of the driver

@@ -1,6 +1,6 @@
 """The whole pipeline on one screen: observation in, command out."""
 
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jaxlie
@@ -23,14 +23,28 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, Plan
 from urbanjax.planning.situation import Situation, SituationParams
 from urbanjax.roadmap.progress import progress
-from urbanjax.types import HANDED_DOWN, Command, ConfigError, Mount, Observation, field, pytree, static
+from urbanjax.types import HANDED_DOWN, Command, ConfigError, Mount, Observation, Unread, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
+
+# What only degrees of choices depend on, what only matching a track needs, and what only the macro plan asks.
+RELAXED = ("relaxation.temperature", "planning.*_scale", "behavior.*_scale", "behavior.lanes.clear_difference")
+MATCHING = ("situation.locate.connectivity_penalty", "situation.locate.hysteresis")
+FOLLOWERS = ("planning.micro.clearance.follower_*", "behavior.clearance.follower_*")
 
 
 @pytree
 class StackParams:
     """Every parameter of the stack."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "lidar": Unread("only the localizer 'lidar' does, see 'localizer'", lambda p: p.localizer != "lidar"),
+        **dict.fromkeys(MATCHING, Unread("the stack keeps to its route instead of matching its track")),
+        **dict.fromkeys(FOLLOWERS, Unread("only the macro plan does, see 'planning.macro.clearance'")),
+        **dict.fromkeys(
+            RELAXED, Unread("only relaxed choices do, see 'relaxation.mode'", lambda p: p.relaxation.mode == "hard")
+        ),
+    }
 
     vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)
     period: float = field(default=None, metadata=HANDED_DOWN)  # s, of one step

@@ -8,7 +8,7 @@ trajectory too, as Frenetix keeps them.
 import functools
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -23,17 +23,26 @@ from urbanjax.planning.frenet_sampling.fan import generate
 from urbanjax.planning.frenet_sampling.limits import FrenetLimits
 from urbanjax.planning.frenet_sampling.line import ReferenceLine, reference_line
 from urbanjax.planning.frenet_sampling.motion import EndGrid, FrenetState
-from urbanjax.types import ConfigError, as_arrays, pytree, static
+from urbanjax.types import ConfigError, Unread, as_arrays, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
 HORIZON, PERIOD, SPACING, LENGTH = 3.0, 0.1, 0.5, 160.0  # s, s, m, m
 Tick = Callable[[str], None]
 
+DYNAMICS = ("max_acceleration", "max_deceleration", "max_steering_rate", "max_speed")
+BODY = tuple(f"vehicle.{name}" for name in ("length", "width", "rear_overhang", *DYNAMICS))
+
 
 @pytree
 class CandidateStudy:
     """Sizes of the grids, each as the numbers of durations, end speeds and offsets; and what the candidates pay."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        **dict.fromkeys(
+            BODY, Unread("of the vehicle only wheelbase and max_steering matter to 'limits'; nobody is around")
+        ),
+    }
 
     vehicle: VehicleParams = VehicleParams(wheelbase=2.7)
     weights: FrenetWeights = FrenetWeights(longitudinal_jerk=0.0)

@@ -4,6 +4,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
-from urbanjax.types import POSITIVE, ConfigError, Observation, Odometry, Scan, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, Observation, Odometry, Scan, Unread, as_arrays, field, pytree, static
 
 FIRST = 1  # the link on which the drives begin
 LEAST = 10  # scans of a drive
@@ -29,6 +30,11 @@ LEAST = 10  # scans of a drive
 @pytree
 class MappingParams:
     """The drive that makes the map: off the lane's centre, nobody around, small errors of its poses."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "drive.vehicles": Unread("nobody is around while the map is made"),
+        "drive.traffic_*": Unread("nobody is around while the map is made"),
+    }
 
     drive: TourParams = TourParams(speed=10.0, offset=0.7)
     preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))

@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +22,7 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.world import WorldState
-from urbanjax.types import POSITIVE, SHARE, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, Unread, as_arrays, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 NO_CLAMP = 1e-6  # s, a least time to collision that never matters
@@ -31,6 +31,12 @@ NO_CLAMP = 1e-6  # s, a least time to collision that never matters
 @pytree
 class OvertakeStudy(LoopParams):
     """Which values of tau, how many starts and for how long."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "stack.behavior.gvp.tau": Unread("every value of 'taus' is driven in its place"),
+        "sim.traffic.patience": Unread("no lanes cross on this road"),
+        "sim.traffic.conflict_range": Unread("no lanes cross on this road"),
+    }
 
     scenario: OvertakeParams = OvertakeParams()
     corridor: CorridorParams = CorridorParams()

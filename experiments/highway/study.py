@@ -1,7 +1,7 @@
 """Our stack in highway-env beside highway-env's own IDM vehicle: what the drives amount to."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,14 +10,19 @@ from urbanjax.io.bridges.highway.environment import FREQUENCY, open_environment
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
 from urbanjax.io.bridges.highway.measure import time_to_collision
 from urbanjax.stack import StackParams
-from urbanjax.types import POSITIVE, pytree, static
+from urbanjax.types import POSITIVE, Unread, pytree, static
 
 STACK, IDM = "stack", "IDM"
+OURS = ("stack", "driver", "gif_every")  # what only drives of our stack depend on
 
 
 @pytree
 class HighwayStudy:
     """Which environments, how often and for how long."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        **dict.fromkeys(OURS, Unread("our stack does not drive, see 'drivers'", lambda p: STACK not in p.drivers)),
+    }
 
     stack: StackParams = HIGHWAY_STACK
     driver: DriverParams = DriverParams()

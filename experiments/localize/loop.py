@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -28,7 +28,7 @@ from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, SHARE, ConfigError, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, ConfigError, Unread, as_arrays, field, pytree, static
 
 SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
@@ -36,6 +36,11 @@ SHIFT = -30.0  # m, of the straight road's stations to those of the link
 @pytree
 class LoopStudy:
     """Which values of tau, how many starts and for how long."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "stack.behavior.gvp.tau": Unread("every value of 'loop.taus' is driven in its place"),
+        "stack.lidar": Unread("the loop drives with 'localizer'"),
+    }
 
     stack: StackParams = StackParams(localizer="lidar")
     sim: SimParams = SimParams()

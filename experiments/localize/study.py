@@ -1,16 +1,35 @@
 """What the localization study is asked."""
 
+from typing import ClassVar
+
 from experiments.common.district import WorldParams
 from experiments.localize.faults import FaultParams
 from experiments.localize.loop import LoopStudy
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.relocalize import RelocalizeParams
-from urbanjax.types import POSITIVE, field, pytree, static
+from urbanjax.types import POSITIVE, Unread, field, pytree, static
+
+# What odometry on a folder has no use for, and what a map that is there already was made with.
+LOCALIZER = ("sliding", "align", "health", "covariance_scale", "drift", "start", "fallback")
+DRIVEN = (
+    *(f"localizer.{name}" for name in LOCALIZER),
+    *("search", "world", "faults", "loop", "output_rate", "give_up", "scans", "map", "seed"),
+)
+MAPPING = ("drive", "preprocess", "spacing", "resolution", "position_noise", "heading_noise", "reach")
+MAPPED = tuple(f"world.mapping.{name}" for name in MAPPING)
 
 
 @pytree
 class LocalizeStudy:
     """The world, the localizer and the failures."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "poses": Unread("only 'folder' has scans that they may belong to", lambda p: not p.folder),
+        **dict.fromkeys(DRIVEN, Unread("odometry alone runs on a 'folder'", lambda p: bool(p.folder))),
+        **dict.fromkeys(
+            MAPPED, Unread("the map is read from a file, see 'map'", lambda p: bool(p.map) or bool(p.folder))
+        ),
+    }
 
     localizer: LidarLocalizerParams = LidarLocalizerParams()
     search: RelocalizeParams = RelocalizeParams()

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
 
 import jax
 import numpy as np
@@ -25,12 +26,21 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
 from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
-from urbanjax.types import POSITIVE, ConfigError, Observation, Prediction, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, Observation, Prediction, Unread, as_arrays, field, pytree, static
+
+# What a recorded scene has of its own, or no use for.
+MADE_UP = ("scenario", "seed", "vehicle", "sim.traffic", "sim.reaction", "sim.lane_changes")
 
 
 @pytree
 class PlanStudy(LoopParams):
     """The moment: some seconds into an overtaking scene, or into a recorded one."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "stack.planning.*_scale": None,
+        "ego": Unread("only a recording has somebody to be replaced, see 'file'", lambda p: not p.file),
+        **dict.fromkeys(MADE_UP, Unread("the scene is a recording, see 'file'", lambda p: bool(p.file))),
+    }
 
     scenario: OvertakeParams = OvertakeParams()
     corridor: CorridorParams = CorridorParams()

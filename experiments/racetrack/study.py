@@ -2,7 +2,7 @@
 
 import functools
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,15 +18,25 @@ from urbanjax.planning.lattice.course_lattice import CourseLattice, CourseLattic
 from urbanjax.planning.lattice.course_path import driven
 from urbanjax.planning.lattice.search import closed_search, layered_search
 from urbanjax.roadmap.corridor import CorridorParams
-from urbanjax.types import POSITIVE, ScenarioError, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, ScenarioError, Unread, as_arrays, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 BARRED = 1e6  # m, cost of an edge that is not there
+
+COUNTED = ("lattice.n_layers", "lattice.nodes_per_lane", "lattice.closed")
+DYNAMICS = ("max_acceleration", "max_deceleration", "max_steering_rate", "max_speed")
+BODY = tuple(f"vehicle.{name}" for name in ("length", "rear_overhang", *DYNAMICS))
 
 
 @pytree
 class RacetrackStudy:
     """Which track, what lattice and what the cheapest lap minimises."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        **dict.fromkeys(COUNTED, Unread("the course and the spacings of 'lattice' say it")),
+        "lattice.*_scale": Unread("the lattice is built with hard limits"),
+        **dict.fromkeys(BODY, Unread("of the vehicle only width, wheelbase and max_steering decide where it fits")),
+    }
 
     lattice: CourseLatticeParams = CourseLatticeParams(straight_spacing=16.0)
     vehicle: VehicleParams = VehicleParams()

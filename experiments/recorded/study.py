@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
 
 from urbanjax.evaluation.recorded.drive import Drive, drive
 from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare, problems
@@ -9,15 +10,22 @@ from urbanjax.io import maps
 from urbanjax.io.files import data_folder
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams
-from urbanjax.types import ConfigError, field, pytree, static
+from urbanjax.types import ConfigError, Unread, field, pytree, static
 
 EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
 NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
+
+SIMULATED = ("sim.traffic", "sim.reaction", "sim.lane_changes")  # what recorded road users have no use for
 
 
 @pytree
 class RecordedStudy(LoopParams):
     """The stack in the place of every recorded driver of some CommonRoad files."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "shortest": Unread("a problem says itself how long it lasts, see 'egos'", lambda p: p.egos == "problems"),
+        **dict.fromkeys(SIMULATED, Unread("all other road users move as they were recorded")),
+    }
 
     corridor: CorridorParams = CorridorParams()
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last

@@ -4,7 +4,7 @@ import functools
 import importlib.util
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -22,12 +22,17 @@ from urbanjax.io.files import data_folder
 from urbanjax.registration import PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams, downsample
 from urbanjax.registration.features import features
-from urbanjax.types import as_arrays, pytree, static
+from urbanjax.types import Unread, as_arrays, pytree, static
 
 
 @pytree
 class PairParams:
     """How the pair is registered, the same on both sides."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "folder": Unread("the pair is left out, see 'pair.use'", lambda p: not p.use),
+        "speed": Unread("the pair is left out, see 'pair.use'", lambda p: not p.use),
+    }
 
     # Voxels of the peer begin elsewhere: room for a few more than it keeps.
     speed: RegistrationStudy = RegistrationStudy(

@@ -1,5 +1,7 @@
 """What the traffic analysis is asked: whose logs, on which course, compared how."""
 
+from typing import ClassVar
+
 from experiments.common.overtaking import OvertakeStudy
 from urbanjax.io.logs import LogFormat
 from urbanjax.io.logs.align import LogAlignParams
@@ -9,7 +11,7 @@ from urbanjax.traffic.course.sections import SectionParams
 from urbanjax.traffic.divergence.estimate import DivergenceParams
 from urbanjax.traffic.resampling import ResamplingParams
 from urbanjax.traffic.safety.measure import SafetyParams
-from urbanjax.types import field, pytree, static
+from urbanjax.types import Unread, field, pytree, static
 
 ANALYSES = ("teams", "platoons", "offset")
 BLOCKS = ("stations", "runs")
@@ -71,9 +73,28 @@ class OffsetStudy:
     ks: tuple[int, ...] = static(default=(1, 5))
 
 
+# What only logs in files have, what only teams are compared by, and what concerns logs at all.
+FILES = ("format", "course.line", "course.closed")
+COMPARED = ("spacing", "longest_gap", "divergence", "bin_length", "resampling", "blocks", "deals", "paired")
+TEAMS = ("course.laps", "course.areas", "course.sections", *(f"teams.{name}" for name in COMPARED))
+LOGS = tuple(f"{name}*" for name in ("files", "format", "quality", "course", "teams", "rollouts", "safety"))
+
+
 @pytree
 class TrafficStudy:
     """Teams on a course, platoons of a road, or what an offset frame does; from files or from rollouts of the stack."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "rollouts.gif_every": Unread("no pictures are made of rollouts"),
+        "rollouts": Unread("the logs are those of 'files'", lambda p: bool(p.files)),
+        **dict.fromkeys(FILES, Unread("the logs are rollouts, see 'files'", lambda p: not p.files)),
+        "safety": Unread("only rollouts show all vehicles, see 'files'", lambda p: p.files and p.analysis == "teams"),
+        **dict.fromkeys(TEAMS, Unread("no teams are compared, see 'analysis'", lambda p: p.analysis != "teams")),
+        "platoon": Unread("no platoons are looked at, see 'analysis'", lambda p: p.analysis != "platoons"),
+        "offset": Unread("no frame is set off, see 'analysis'", lambda p: p.analysis != "offset"),
+        # Patterns of their own, beside those above.
+        **dict.fromkeys(LOGS, Unread("no logs are read, see 'analysis'", lambda p: p.analysis == "offset")),
+    }
 
     analysis: str = static(default="teams", metadata={"choices": ANALYSES})
     files: tuple[str, ...] = static(default=())  # paths or patterns, also below the data folder; none: rollouts

@@ -17,13 +17,14 @@ from experiments.traffic import __main__ as traffic
 RADIUS = 24.0  # m, of the course
 LENGTH = 2 * np.pi * RADIUS  # m
 SPEED = 12.0  # m/s
-SMALL = ("teams.resampling.draws=4", "teams.resampling.blocks=4", "teams.deals=4", "platoon.resampling.draws=10")
+SMALL = ("teams.resampling.draws=4", "teams.resampling.blocks=4", "teams.deals=4")
+FEW = ("platoon.resampling.draws=10",)
 COLUMNS = "format.columns={time: t, x: x, y: y, speed: v}"
 BASE = (*SMALL, "teams.divergence.ks=[5]", "course.line=line.csv", "course.areas=[north:0:70,south:70:140]")
 PATH = "format.path='{team}/{run}'"
 LAPS = (*BASE, COLUMNS, PATH)
 SPREAD = "format.columns={time: t, x: 'x{i}', y: 'y{i}', speed: 'v{i}'}"
-WIDE = (*SMALL, PATH, SPREAD, "analysis=platoons", "format.layout=wide")
+WIDE = (*FEW, PATH, SPREAD, "analysis=platoons", "format.layout=wide")
 OFFSET = ("analysis=offset", "offset.teams=3", "offset.length=60", "offset.spacings=[1.0,0.1]", "offset.ks=[1]")
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.experiments.drives import SMALL, run
+from tests.experiments.drives import FEW, SMALL, run
 
 pytestmark = pytest.mark.real_data
 TEAMS = ("HAM", "VER", "GAS")
@@ -32,7 +32,7 @@ def sakhir(home):
 @pytest.fixture(scope="module")
 def platoons(home):
     names = ",".join(f"data/traffic/openacc/{name}.csv" for name in ("short_setting/handling_part14", "no_ACC/*"))
-    done = run(home, "preset=openacc", f"files=[{names}]", *SMALL)
+    done = run(home, "preset=openacc", f"files=[{names}]", *FEW)
     assert done.code == 0, done.err
     return done
 

@@ -1,5 +1,7 @@
 """The world: ego, traffic and signals; one policy step of it, and what the ego observes of it."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -24,6 +26,7 @@ from urbanjax.types import (
     Observation,
     Odometry,
     Signals,
+    Unread,
     VehicleState,
     field,
     pytree,
@@ -39,6 +42,11 @@ HARD = Relaxation()
 @pytree
 class SimParams:
     """Parameters of the simulator."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "locate.max_distance": Unread("the ego is followed from link to link"),
+        "locate.connectivity_penalty": Unread("the ego is followed from link to link"),
+    }
 
     vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)  # the ego
     lidar: LidarParams = field(default=None, metadata=HANDED_DOWN)  # of an ego that finds its pose from scans

@@ -18,6 +18,7 @@ from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
 from urbanjax.types.status import Decision, Status
 from urbanjax.types.struct import HANDED_DOWN, as_arrays, field, pytree, static
+from urbanjax.types.unread import Unread
 from urbanjax.types.values import batched_values, with_values
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "SignalState",
     "Signals",
     "Status",
+    "Unread",
     "UrbanJaxError",
     "VehicleState",
     "as_arrays",

@@ -9,13 +9,15 @@ import pytest
 from tests.conftest import REPOSITORY
 
 PROGRAM = """
+from typing import ClassVar
 from urbanjax.io.runs import cli
-from urbanjax.types import ScenarioError, pytree, static
+from urbanjax.types import ScenarioError, Unread, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 
 @pytree
 class Toy:
+    UNREAD: ClassVar = {"vehicle.max_speed": Unread("nobody drives, see 'grid'")}
     vehicle: VehicleParams = VehicleParams()
     grid: tuple[float, ...] = (0.0, 1.0)
     seed: int = static(default=0)
@@ -41,6 +43,7 @@ def home(tmp_path_factory):
     (root / "programs" / "toy" / "__main__.py").write_text(PROGRAM)
     presets = root / "configs" / "toy" / "preset"
     presets.mkdir(parents=True)
+    (presets / "fast.yaml").write_text("# @package _global_\nvehicle:\n  max_speed: 50\n")
     (presets / "short.yaml").write_text("# @package _global_\nvehicle:\n  length: 3\n")
     (presets / "wrong.yaml").write_text("# @package _global_\nvehicle:\n  lenght: 3\n")
     return root
@@ -93,3 +96,15 @@ def test_a_mistake_is_one_line_and_exit_code_two(home, argument, message):
     assert done.stderr.startswith("error: ")
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["vehicle.max_speed=50"], ["vehicle.max_speed=40.0"], ["-m", "vehicle.max_speed=40,50"], ["preset=fast"]],
+    ids=["changed", "as it is", "swept", "preset"],
+)
+def test_a_value_that_nothing_reads_ends_the_program(home, arguments):
+    done = run(home, *arguments, "hydra.run.dir=outputs/unread")
+    assert done.returncode == 2
+    assert done.stderr == "error: 'vehicle.max_speed' is read by nothing here: nobody drives, see 'grid'\n"
+    assert not (home / "outputs/unread").exists()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from urbanjax.io.runs import directory
-from urbanjax.types import ConfigError, UrbanJaxError
+from urbanjax.types import ConfigError, UrbanJaxError, unread
 from urbanjax.types import config as configs
 
 T = TypeVar("T")
@@ -80,10 +80,12 @@ def _launch(name: str, tree: dict[str, Any], folder: Path, task: Callable[[Any],
 def _task(params_class: type[T], body: Body, config: Any) -> None:
     from hydra.core.hydra_config import HydraConfig
 
-    runtime = HydraConfig.get().runtime
+    runtime, typed = HydraConfig.get().runtime, HydraConfig.get().overrides.task
     folder = Path(runtime.output_dir)
     try:  # ends the program from inside: what leaves a Hydra job as an exception is reported by Hydra too
         values, params = _read(params_class, config, runtime)
+        keys = [text.partition("=")[0].lstrip("+~") for text in typed]
+        unread.check_read(params, [*keys, *unread.changed(values, configs.schema(params_class))])
         with directory.record(folder, values, seed=values.get("seed")) as run:
             body(params, run)
     except UrbanJaxError as error:

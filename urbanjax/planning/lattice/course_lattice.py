@@ -22,7 +22,7 @@ from urbanjax.planning.lattice.edges import QUINTIC, EdgeLimits
 from urbanjax.planning.lattice.layers import node_offsets
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.progress import to_world
-from urbanjax.types import POSITIVE, RoadError, field, pytree, static
+from urbanjax.types import RoadError, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 SAME_PLACE, SAME_WAY = 1.0, 0.99  # m, and cosine of the angle, within which a course is back where it began
@@ -34,10 +34,10 @@ LARGEST = 20_000_000  # edges of one lattice
 class CourseLatticeParams:
     """Where layers and nodes of a course lie, and which of them may be joined."""
 
-    straight_spacing: float = field(default=20.0, metadata=POSITIVE)  # m, between layers
-    bend_spacing: float = field(default=8.0, metadata=POSITIVE)  # m
+    straight_spacing: float = 20.0  # m, between layers
+    bend_spacing: float = 8.0  # m
     bend_curvature: float = 0.01  # 1/m, above which the reference line bends
-    lateral_spacing: float = field(default=0.75, metadata=POSITIVE)  # m, at most, between nodes
+    lateral_spacing: float = 0.75  # m, at most, between nodes
     max_slope: float = 0.4  # of an edge against the reference line, on average
     slope_scale: float = 0.02  # slope that clearly is too steep
     limits: EdgeLimits = EdgeLimits(tolerance=0.0)

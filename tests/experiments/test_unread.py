@@ -1,0 +1,146 @@
+"""No experiment takes a value that it does not read, and none complains of its own defaults and presets."""
+
+import fnmatch
+import importlib
+
+import jax
+import jax.numpy as jnp
+import pytest
+import yaml
+from jax.interpreters import partial_eval
+
+from experiments.benchmark.study import BenchStudy
+from experiments.candidates.study import CandidateStudy
+from experiments.common import overtaking
+from experiments.common.overtaking import OvertakeStudy
+from experiments.demo.study import DemoStudy
+from experiments.highway.study import HighwayStudy
+from experiments.localize.study import LocalizeStudy
+from experiments.map.study import MapStudy
+from experiments.plan.study import PlanStudy
+from experiments.racetrack.study import RacetrackStudy
+from experiments.recorded.study import RecordedStudy
+from experiments.register.study import RegisterStudy
+from experiments.traffic.study import TrafficStudy
+from tests.conftest import REPOSITORY
+from urbanjax.sim.scenarios import overtake
+from urbanjax.types import ConfigError, as_arrays, config
+from urbanjax.types.unread import changed, check_read, unread
+
+STUDIES = {
+    "benchmark": BenchStudy,
+    "candidates": CandidateStudy,
+    "demo": DemoStudy,
+    "highway": HighwayStudy,
+    "localize": LocalizeStudy,
+    "map": MapStudy,
+    "overtake": OvertakeStudy,
+    "plan": PlanStudy,
+    "racetrack": RacetrackStudy,
+    "recorded": RecordedStudy,
+    "register": RegisterStudy,
+    "traffic": TrafficStudy,
+}
+TAU = "stack.behavior.gvp.tau"
+SIGMA = "stack.planning.micro.choice_scale"
+# Experiment, what is set, and the key that nothing then reads.
+MISTAKES = [
+    ("overtake", {}, TAU),
+    ("demo", {}, f"overtake.{TAU}"),
+    ("traffic", {}, f"rollouts.{TAU}"),
+    ("localize", {}, f"loop.{TAU}"),
+    ("overtake", {}, "stack.lidar.sensing_radius"),
+    ("overtake", {}, "sensor.noise"),
+    ("overtake", {}, "sensor.pattern"),
+    ("overtake", {}, "stack.relaxation.temperature"),
+    ("overtake", {}, SIGMA),
+    ("localize", {}, "loop.stack.lidar.sensing_radius"),
+    ("localize", {}, "poses"),
+    ("localize", {"folder": "scans"}, "world.stretch"),
+    ("localize", {"folder": "scans"}, "localizer.align.max_iterations"),
+    ("localize", {"map": "map.npz"}, "world.mapping.spacing"),
+    ("localize", {}, "world.mapping.drive.vehicles"),
+    ("register", {}, "localizer.start"),
+    ("register", {}, "world.mapping.distributions.resolution"),
+    ("register", {"pair": {"use": False}}, "pair.speed.repeats"),
+    ("highway", {"drivers": ["IDM"]}, TAU),
+    ("recorded", {"egos": "problems"}, "shortest"),
+    ("recorded", {}, "sim.traffic.idm.time_headway"),
+    ("plan", {}, "ego"),
+    ("plan", {"file": "map.xml"}, "scenario.gap"),
+    ("plan", {"file": "map.xml"}, "vehicle.length"),
+    ("racetrack", {}, "lattice.n_layers"),
+    ("racetrack", {}, "vehicle.max_speed"),
+    ("candidates", {}, "vehicle.length"),
+    ("traffic", {}, "rollouts.gif_every"),
+    ("traffic", {}, "format.layout"),
+    ("traffic", {}, "platoon.moving"),
+    ("traffic", {"files": ["a.csv"]}, "rollouts.starts"),
+    ("traffic", {"files": ["a.csv"], "analysis": "platoons"}, "teams.spacing"),
+    ("traffic", {"analysis": "offset"}, "files"),
+]
+READ = [
+    ("overtake", {}, "taus"),
+    ("overtake", {}, "stack.behavior.gvp.clamp_time"),
+    ("overtake", {"stack": {"relaxation": {"mode": "soft"}}}, SIGMA),
+    ("overtake", {"stack": {"localizer": "lidar"}}, "sensor.noise"),
+    ("plan", {}, SIGMA),
+    ("highway", {}, TAU),
+    ("plan", {}, TAU),
+    ("recorded", {}, TAU),
+    ("benchmark", {}, TAU),
+    ("localize", {}, "localizer.align.max_iterations"),
+    ("traffic", {"files": ["a.csv"], "analysis": "platoons"}, "safety.ttc_threshold"),
+]
+
+
+@pytest.mark.parametrize(("name", "values", "key"), MISTAKES, ids=lambda part: str(part))
+def test_a_value_that_nothing_reads_is_refused(name, values, key):
+    with pytest.raises(ConfigError, match=f"'{key}' is read by nothing here: .+"):
+        check_read(config.to_params(STUDIES[name], values), [key])
+
+
+@pytest.mark.parametrize(("name", "values", "key"), READ, ids=lambda part: str(part))
+def test_a_value_that_is_read_passes(name, values, key):
+    check_read(config.to_params(STUDIES[name], values), [key])
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_defaults_and_presets_pass_and_every_rule_is_of_a_key(name):
+    study, tree = STUDIES[name], config.schema(STUDIES[name])
+    keys = set(config.keys(tree))
+    for pattern in unread(study()):
+        assert any(fnmatch.fnmatchcase(key, pattern) for key in keys), pattern
+    for preset in sorted((REPOSITORY / "configs" / name / "preset").glob("*.yaml")):
+        values = yaml.safe_load(preset.read_text(encoding="utf-8"))
+        params = config.to_params(study, values)
+        check_read(params, changed(config.plain(params), tree))
+
+
+def test_every_experiment_is_looked_at():
+    folders = {path.parent.name for path in (REPOSITORY / "experiments").glob("*/__main__.py")}
+    assert folders == set(STUDIES)
+    for name in folders:
+        assert importlib.import_module(f"experiments.{name}.__main__")
+
+
+@pytest.mark.parametrize("mode", ["hard", "soft"])
+def test_what_the_overtaking_program_does_not_depend_on_is_what_is_said(mode):
+    study = config.to_params(OvertakeStudy, {"starts": 1, "stack": {"relaxation": {"mode": mode}}})
+    course, lanes, starts = overtaking.scene(study)
+
+    def program(loop):
+        clamps = jnp.stack([loop.stack.behavior.gvp.clamp_time, 1e-6])
+        scenario = overtake.sample(
+            jax.random.key(0), as_arrays(study.scenario), vehicle=loop.vehicle, others=loop.sim.traffic
+        )
+        return scenario, overtaking._grid(loop, course, lanes, starts.world, jnp.ones(1), clamps, n_steps=2)
+
+    loop = as_arrays(study.loop())
+    traced = jax.make_jaxpr(program)(loop).jaxpr
+    _, used = partial_eval.dce_jaxpr(traced, [True] * len(traced.outvars))
+    paths = [jax.tree_util.keystr(path)[1:] for path, _ in jax.tree_util.tree_flatten_with_path(loop)[0]]
+    keys = {path for path in paths if "[" not in path}
+    rules = [pattern for pattern, why in unread(study).items() if why]
+    said = {key for key in keys for rule in rules if fnmatch.fnmatchcase(key, rule) or key.startswith(f"{rule}.")}
+    assert said == {path for path, is_used in zip(paths, used, strict=True) if not is_used and path in keys}
