@@ -92,3 +92,21 @@ def test_laps_driven_alike_belong_to_the_null_and_others_do_not():
     moved = swapped(jnp.asarray(rng.normal(size=(600, 2)) + np.where(lap < 3, 0, 1.5)[:, None], jnp.float32))
     assert float(moved.excess[0]) > 0.5
     assert float(moved.share[0]) <= 0.1 + 1e-6  # it and its mirror image are the largest of twenty
+
+
+def test_what_is_not_valid_is_not_a_number():
+    x = jnp.asarray(np.random.default_rng(6).normal(size=(2, 40)), jnp.float32)
+
+    def statistic(mask):
+        mean = masked.mean(x, mask)
+        return jnp.stack([mean[0], mean[1]]), jnp.stack([jnp.any(mask), jnp.all(mask)])  # the second of the whole only
+
+    every, params = jnp.ones((2, 40), bool), ResamplingParams(draws=10, blocks=10)
+    found = interval(statistic, every, block=consecutive(every, 10), key=jax.random.key(0), params=params)
+    assert found.valid.tolist() == [True, False]
+    for side in (found.low, found.high, found.deviation):
+        assert np.isnan(side).tolist() == [False, True]
+    deals = jnp.asarray([[True, False], [False, True]])
+    swap = lap_swap(statistic, jnp.arange(40) % 2, valid=every[0], deals=deals)
+    assert swap.valid.tolist() == [True, False]
+    assert np.isnan(swap.excess).tolist() == np.isnan(swap.share).tolist() == [False, True]

@@ -28,7 +28,7 @@ class ResamplingParams:
 
 @pytree
 class Interval:
-    """Of values [*q]."""
+    """Of values [*q]; NaN where not valid."""
 
     low: Array  # [*q]
     high: Array  # [*q]
@@ -38,7 +38,7 @@ class Interval:
 
 @pytree
 class LapSwap:
-    """What the same laps give when they are dealt out anew. Of values [*q]."""
+    """What the same laps give when they are dealt out anew. Of values [*q]; excess and share NaN where not valid."""
 
     observed: Array  # [*q], laps as they were driven
     null: Array  # [s, *q], laps dealt out otherwise
@@ -114,7 +114,9 @@ def spread(
     around = (drawn - jnp.mean(drawn, axis=0, keepdims=True)) * (half / (params.blocks - half)) ** 0.5
     tail = (1 - jnp.asarray(params.level, value.dtype)) / 2
     low, high = (jnp.quantile(around, q, axis=0) for q in (tail, 1 - tail))
-    return Interval(value - high, value - low, jnp.std(around, axis=0, ddof=1), good & jnp.all(fine, axis=0))
+    valid = good & jnp.all(fine, axis=0)
+    found = (value - high, value - low, jnp.std(around, axis=0, ddof=1))
+    return Interval(*(jnp.where(valid, x, jnp.nan) for x in found), valid)
 
 
 def lap_swap(
@@ -137,4 +139,6 @@ def lap_swap(
     # The same deal found twice would differ by rounding only.
     slack = 1e-5 * (1 + jnp.abs(observed))
     share = jnp.mean((values >= (observed - slack)[None]).astype(values.dtype), axis=0)
-    return LapSwap(observed, values[1:], observed - jnp.mean(values, axis=0), share, jnp.all(fine, axis=0))
+    valid = jnp.all(fine, axis=0)
+    excess, share = (jnp.where(valid, x, jnp.nan) for x in (observed - jnp.mean(values, axis=0), share))
+    return LapSwap(observed, values[1:], excess, share, valid)

@@ -40,7 +40,7 @@ def test_equals_distance_matrices_bin_by_bin(estimate):
         for column, k in enumerate((1, 4)):
             sides = (offset[i][valid[i]], station_bin[i][valid[i]], offset[j][valid[j]], station_bin[j][valid[j]])
             values, counts = reference(*sides, k)
-            np.testing.assert_allclose(found.by_bin[row, column], values, atol=2e-5)
+            np.testing.assert_allclose(found.by_bin[row, column], np.where(counts, values, np.nan), atol=2e-5)
             np.testing.assert_array_equal(found.bins[row, column], counts > 0)
             np.testing.assert_allclose(found.value[row, column], (values * counts).sum() / counts.sum(), atol=2e-5)
             np.testing.assert_allclose(found.share[row, column], counts.sum() / valid[i].sum(), rtol=1e-6)
@@ -69,6 +69,7 @@ def test_ties_are_counted(estimate):
     every = np.ones((2, N), bool)
     found = estimate(offset, station_bin, valid=every, bins=BINS, params=DivergenceParams(), pairs=((0, 1),))
     assert not found.valid.any()
+    assert np.isnan(found.value).all()
     assert found.ties.tolist() == [[20]]
     assert estimate(
         offset, station_bin, valid=every, bins=BINS, params=DivergenceParams(ties="dedupe"), pairs=((0, 1),)
@@ -94,3 +95,22 @@ def test_gradients_equal_central_differences(x64):
     direction = rng.normal(size=offset.shape)
     ahead, behind = (float(evaluate(jnp.asarray(offset + sign * step * direction))) for sign in (1, -1))
     np.testing.assert_allclose(float((slope * direction).sum()), (ahead - behind) / (2 * step), rtol=1e-5)
+
+
+@pytest.mark.parametrize("policy", ["error", "dedupe", "floor"])
+def test_no_estimate_is_not_a_number_with_gradient_zero(policy):
+    rng = np.random.default_rng(4)
+    offset = jnp.asarray(rng.normal(size=(2, 80)), jnp.float32).at[1, 7].set(jnp.nan)
+    station_bin = jnp.asarray(rng.integers(0, 3, (2, 80)))
+
+    def value(x):
+        found = conditional(
+            x, station_bin, valid=jnp.ones((2, 80), bool), bins=4, params=DivergenceParams(ks=(2,), ties=policy)
+        )
+        return found.value[0, 0], found
+
+    (number, found), slope = jax.value_and_grad(value, has_aux=True)(offset)
+    assert np.isnan(number)
+    assert not found.valid.any()
+    np.testing.assert_array_equal(slope, 0)
+    np.testing.assert_array_equal(np.isnan(found.by_bin), ~found.bins)

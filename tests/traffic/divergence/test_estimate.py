@@ -127,15 +127,16 @@ def test_all_pairs_in_one_call_equal_the_pairs(estimate):
     np.testing.assert_allclose(found.value, (found.terms * found.used).sum(-1) / found.used.sum(-1), atol=1e-5)
 
 
-def test_the_printed_form_is_reproduced_and_is_wrong(estimate):
+@pytest.mark.parametrize(("samples_p", "samples_q"), [(N, N), (400, 100)])
+def test_the_printed_form_is_reproduced_and_is_wrong(estimate, samples_p, samples_q):
     rng = np.random.default_rng(5)
-    x, y = gaussian(rng, N), gaussian(rng, N, 2.0)
-    points, valid = padded(x, y)
-    x, y = points.astype(float)
+    points, valid = padded(gaussian(rng, samples_p), gaussian(rng, samples_q, 2.0))
+    x, y = (team[mask].astype(float) for team, mask in zip(points, valid, strict=True))
     printed = float(estimate(points, valid, params=DivergenceParams(form="printed"), pairs=ONE).value[0, 0])
     r, s = cKDTree(x).query(x, 6)[0][:, 5], cKDTree(y).query(x, 5)[0][:, 4]
-    density = 5 / ((N - 1) * np.pi * r**2)
-    np.testing.assert_allclose(printed, np.sum(density * np.log(r / s)) + np.log(N / (N - 1)), rtol=1e-4)
+    m, n = samples_p, samples_q  # "P(x|z) and Q(x|z) have m and n samples"
+    density = 5 / ((n - 1) * np.pi * r**2)
+    np.testing.assert_allclose(printed, np.sum(density * np.log(r / s)) + np.log(m / (n - 1)), rtol=1e-4)
     assert printed < -100  # the divergence is 0.6363
 
 
@@ -194,5 +195,44 @@ def test_too_few_samples_are_no_estimate(estimate):
     for few in ((5, 100), (100, 4), (0, 100)):
         found = estimate(*padded(*(gaussian(rng, n) for n in few)), params=DivergenceParams(), pairs=ONE)
         assert not found.valid.any()
-        assert float(found.value[0, 0]) == 0
+        assert np.isnan(found.value[0, 0])
     assert estimate(*padded(gaussian(rng, 6), gaussian(rng, 5)), params=DivergenceParams(), pairs=ONE).valid.all()
+
+
+def coincident(points):
+    return points.at[0, :10].set(points[0, 0])
+
+
+def not_a_number(points):
+    return points.at[0, 3, 1].set(jnp.nan)
+
+
+def infinite(points):
+    return points.at[1, 3, 1].set(jnp.inf)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "policy"),
+    [(coincident, "error"), *((spoil, p) for spoil in (not_a_number, infinite) for p in ("error", "dedupe", "floor"))],
+)
+@pytest.mark.parametrize("form", ["corrected", "printed", "adaptive"])
+def test_no_estimate_is_not_a_number_with_gradient_zero(spoil, policy, form):
+    points = jnp.asarray(np.random.default_rng(10).normal(size=(3, 60, 2)), jnp.float32)
+    params = DivergenceParams(ks=(5,), form=form, ties=policy)
+
+    def value(p):
+        found = divergence(p, jnp.ones((3, 60), bool), params=params, pairs=(*ONE, (2, 1), (0, 2)))
+        return found.value[:, 0], found.valid[:, 0]
+
+    value_jit, slope = jax.jit(value), jax.jit(jax.grad(lambda p: value(p)[0][0]))
+    number, valid = value_jit(spoil(points))
+    assert valid.tolist() == [False, spoil is not infinite, spoil is infinite]  # only the pairs of the spoilt team
+    np.testing.assert_array_equal(np.isnan(number), ~valid)
+    np.testing.assert_array_equal(slope(spoil(points)), 0)
+
+
+def test_samples_that_do_not_count_may_be_anything(estimate):
+    rng = np.random.default_rng(11)
+    points, valid = padded(gaussian(rng, 100), gaussian(rng, 100, 2.0), n=120)
+    found = estimate(np.where(valid[..., None], points, np.nan), valid, params=DivergenceParams(), pairs=ONE)
+    assert float(found.value[0, 0]) == float(estimate(points, valid, params=DivergenceParams(), pairs=ONE).value[0, 0])

@@ -16,10 +16,10 @@ from urbanjax.types import pytree
 class Conditional:
     """Divergences given the station bin. Of P pairs of teams, K values of k and B bins."""
 
-    value: Array  # [P, K] nats: the mean over the samples in bins that count; 0 where not valid
+    value: Array  # [P, K] nats: the mean over the samples in bins that count; NaN, with derivative 0, where not valid
     valid: Array  # [P, K] bool
     share: Array  # [P, K] of the samples that are in such bins
-    by_bin: Array  # [P, K, B] nats
+    by_bin: Array  # [P, K, B] nats; NaN, with derivative 0, in bins that do not count
     bins: Array  # [P, K, B] bool, which bins count: at least k + 1 samples of the first team, k of the second
     ties: Array  # [P, K] int32, samples at distance 0 from a k-th neighbour
 
@@ -36,11 +36,14 @@ def conditional(
 ) -> Conditional:
     """D(P_i(d | z) || P_j(d | z)) for each ordered pair: one-dimensional estimates per bin, weighted by n_bin / n.
 
-    The corrected form throughout. Differentiable in the offsets with the neighbours held.
+    The corrected form throughout. Differentiable in the offsets with the neighbours held. NaN where there is no
+    estimate, as of `estimate.divergence`; not valid where a sample of either team is not finite.
     Args: offset [T, N] m; station_bin [T, N] in [0, bins); valid [T, N], samples that count; bins, their number; pairs
     of teams (i, j) (None: all); key, of jax.random, for the policy `jitter`.
     """
     pairs = all_pairs(offset.shape[0]) if pairs is None else pairs
+    held, valid, whole = ties.finite(offset[..., None], valid)
+    offset = held[..., 0]
     if params.ties == "dedupe":
         places = jnp.stack([station_bin.astype(offset.dtype), offset], axis=-1)
         valid = valid & ~jax.vmap(ties.duplicates)(places, valid)
@@ -53,7 +56,9 @@ def conditional(
 
     def pair(teams: tuple[Array, Array]) -> Conditional:
         i, j = teams
-        return _pair(offset[i], station_bin[i], offset[j], station_bin[j], bins, params)
+        found = _pair(offset[i], station_bin[i], offset[j], station_bin[j], bins, params)
+        valid = found.valid & whole[i] & whole[j]
+        return found.replace(valid=valid, value=jnp.where(valid, found.value, jnp.nan))
 
     return lax.map(pair, tuple(jnp.asarray(team) for team in zip(*pairs, strict=True)))
 
@@ -80,11 +85,11 @@ def _pair(x: Array, x_bin: Array, y: Array, y_bin: Array, bins: int, params: Div
         total = jnp.zeros(bins + 1, x.dtype).at[x_bin].add(terms)[:bins]
         sizes = jnp.log(jnp.maximum(count_y, 1) / jnp.maximum(count_x - 1, 1)).astype(x.dtype)
         enough = enough & (counted > 0)
-        by_bin = jnp.where(enough, safe.divide(total, counted) + sizes, 0)
+        by_bin = safe.divide(total, counted) + sizes
         value = safe.divide(jnp.sum(counted * by_bin), jnp.sum(counted))
         valid = jnp.any(enough) & ((tied == 0) | (params.ties != "error"))
         share = safe.divide(jnp.sum(counted), jnp.sum(count_x).astype(x.dtype))
-        results.append(Conditional(jnp.where(valid, value, 0), valid, share, by_bin, enough, tied))
+        results.append(Conditional(value, valid, share, jnp.where(enough, by_bin, jnp.nan), enough, tied))
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *results)
 
 

@@ -30,8 +30,8 @@ class DivergenceParams:
 class Estimate:
     """Divergences, and what they stand on. Of P pairs of teams and K values of k."""
 
-    value: Array  # [P, K] nats; 0 where not valid
-    valid: Array  # [P, K] bool: enough samples, and no ties under the policy `error`
+    value: Array  # [P, K] nats; NaN, with derivative 0, where not valid
+    valid: Array  # [P, K] bool: enough samples, all finite, and no ties under the policy `error`
     terms: Array  # [P, K, n] nats, whose mean over `used` is the value; 0 elsewhere
     used: Array  # [P, K, n] bool, samples that count
     ties_own: Array  # [P, K] int32, samples at distance 0 from their k-th neighbour in their own team
@@ -59,15 +59,18 @@ def divergence(
 
     `corrected`: (d/n) sum log(s_k / r_k) + log(m / (n - 1)) (Wang, Kulkarni and Verdu 2009), where r_k is the distance
     of a sample to its k-th neighbour in its own team and s_k in the other. Not clamped: estimates may be negative.
-    `printed`: Eq. 31 as it stands, which lacks the factor d, has r / s the wrong way round and weights by the density
-    of Eq. 32. `adaptive`: k by sample, so that both distances are about the same: as little
-    bias as k = 1 where densities differ, with less spread. docs/divergence.md states the errors of all. Differentiable
-    in the points with the neighbours held.
+    `printed`: Eq. 31 as it stands, which lacks the factor d, has r / s the wrong way round, weights by the density of
+    Eq. 32 and, giving P the m samples and Q the n, swaps the two in both. `adaptive`: k by sample, so that both
+    distances are about the same: as little bias as k = 1 where densities differ, with less spread. docs/divergence.md
+    states the errors of all. Differentiable in the points with the neighbours held.
+    No estimate is NaN beside `valid` false, since any number would be read as one (0 as identical): the exception to
+    the rule that no NaN leaves a function.
     Args: points [T, N, D] m, near the origin; valid [T, N], samples that count; pairs of teams (i, j); key, of
     jax.random, for the policy `jitter`. Raises ValueError where the key is missing.
     """
     pairs = all_pairs(points.shape[0]) if pairs is None else pairs
     size = jnp.asarray(params.size, points.dtype)
+    points, valid, whole = ties.finite(points, valid)
     count = jnp.sum(valid, axis=-1, dtype=jnp.int32)
     points, valid = ties.separated(points, valid, policy=params.ties, size=size, key=key)
     dropped = count - jnp.sum(valid, axis=-1, dtype=jnp.int32)
@@ -79,6 +82,8 @@ def divergence(
     r, s, used = ties.counted(r, s, used=used, policy=params.ties, size=size)
     first, second = (jnp.asarray(team) for team in zip(*pairs, strict=True))
     n, m = ((count - dropped)[team][:, None, None].astype(r.dtype) for team in (first, second))
+    if params.form == "printed":
+        n, m = m, n
     sizes = jnp.log(jnp.maximum(m, 1)) - jnp.log(jnp.maximum(n - 1, 1))
     if params.form == "printed":
         density = _density(r, jnp.asarray(params.ks, r.dtype)[None, :, None], n, points.shape[2])
@@ -86,10 +91,10 @@ def divergence(
         terms = weights * jnp.log(r / s) + sizes
     else:
         terms = points.shape[2] * jnp.log(s / r) + correction + sizes
-    enough = jnp.any(used, axis=-1)
+    enough = jnp.any(used, axis=-1) & (whole[first] & whole[second])[:, None]
     if params.ties == "error":
         enough = enough & (coincide[0] + coincide[1] == 0)
-    value = jnp.where(enough, masked.mean(terms, used), 0)
+    value = jnp.where(enough, masked.mean(terms, used), jnp.nan)
     return Estimate(value, enough, jnp.where(used, terms, 0), used, coincide[0], coincide[1], dropped)
 
 

@@ -24,6 +24,17 @@ def duplicates(points: Float[Array, "n d"], valid: Bool[Array, " n"]) -> Bool[Ar
     return jnp.zeros_like(valid).at[order].set(same)
 
 
+def finite(
+    points: Float[Array, "t n d"], valid: Bool[Array, "t n"]
+) -> tuple[Float[Array, "t n d"], Bool[Array, "t n"], Bool[Array, " t"]]:
+    """The samples with 0 for those that are not finite, the mask without these, and the teams that had none of them.
+
+    Args: points [T, N, D], in any units; valid [T, N], samples that count.
+    """
+    good = jnp.all(jnp.isfinite(points), axis=-1)
+    return jnp.where(good[..., None], points, 0), valid & good, jnp.all(good | ~valid, axis=-1)
+
+
 def separated(
     points: Float[Array, "t n d"], valid: Bool[Array, "t n"], *, policy: str, size: Array, key: Array | None
 ) -> tuple[Float[Array, "t n d"], Bool[Array, "t n"]]:
