@@ -1,4 +1,4 @@
-"""How large the sandwich covariance has to be made for it to cover the errors: s^2 fitted on some, tested on others."""
+"""By how much the stated covariance misses the errors: a further scale s^2 fitted on some, tested on others."""
 
 import dataclasses
 from collections.abc import Callable
@@ -128,7 +128,7 @@ def summary(found: Calibration) -> dict[str, float]:
         "coverage_at_50_percent_share": found.coverage(0.5),
         "coverage_at_99_percent_share": found.coverage(0.99),
         **{
-            f"error_over_sandwich_{n}": x
+            f"error_over_stated_{n}": x
             for n, x in zip(("longitudinal", "lateral", "heading"), found.factors, strict=True)
         },
         "calibration_errors": len(found.test.nees),
@@ -148,5 +148,5 @@ def table(found: Calibration) -> dict[str, Any]:
     out: dict[str, Any] = {"set": [name for name, errors in parts for _ in errors.converged]}
     for k, (name, unit) in enumerate((("longitudinal", "m"), ("lateral", "m"), ("heading", "rad"))):
         out[f"{name}_error_{unit}"] = twist[:, k]
-        out[f"{name}_sandwich_std_{unit}"] = np.sqrt(variance[:, k])
+        out[f"{name}_stated_std_{unit}"] = np.sqrt(variance[:, k])
     return out | {"converged": np.concatenate([errors.converged for _, errors in parts])}

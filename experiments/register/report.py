@@ -110,14 +110,13 @@ def covariance(study: RegisterStudy, bench: Bench, run: Run) -> report.Section:
     progress.show_table("calibration", {"": list(numbers), "value": list(numbers.values())})
     figures.draw_calibration(found, run.path("calibration.png"))
     text = [
-        f"The sandwich covariance of the localizer's registration times s^2, which is fitted so that "
+        f"The covariance that the localizer's registration states times s^2, which is fitted so that "
         f"{100 * found.level:g} % of {len(found.fit.nees)} planar errors lie inside their ellipsoid, and tested on "
         f"{len(found.test.nees)} others with poses, starts and noise drawn anew: s^2 = {found.scale:.4g}, "
-        f"coverage {100 * found.coverage():.1f} % (unscaled {100 * found.coverage(scale=1.0):.1f} %). The map and its "
-        f"errors are the same for all of them. Without s^2 the longitudinal, lateral and heading errors are "
-        f"{', '.join(f'{x:.1f}' for x in found.factors)} times their stated deviations: the sandwich "
-        f"knows the noise of the points, but neither the map's own errors nor those of the motion during a sweep. One "
-        f"scale for all three is therefore too wide in most places; a constant added to it would fit better."
+        f"coverage {100 * found.coverage():.1f} % (as stated {100 * found.coverage(scale=1.0):.1f} %). The map and its "
+        f"errors are the same for all of them. The longitudinal, lateral and heading errors are "
+        f"{', '.join(f'{x:.2f}' for x in found.factors)} times their stated deviations. An s^2 far from 1 asks for "
+        f"another localizer.align.covariance: its floor is the map's own error."
     ]
     picture = report.Picture("Normalised squared errors, coverage, and each error apart.", run.path("calibration.png"))
     return report.Section("Covariance", text, [picture])

@@ -8,7 +8,7 @@ import pytest
 
 from tests.registration.conftest import MAP, courtyard, covered
 from urbanjax import registration
-from urbanjax.registration import AlignParams
+from urbanjax.registration import AlignParams, CovarianceParams
 from urbanjax.registration.linear import FactorParams
 from urbanjax.types import Status, as_arrays
 
@@ -157,16 +157,19 @@ def test_nothing_in_common_is_a_value(pair, align_jit, build_jit):
         params=as_arrays(AlignParams()),
     )
     assert float(lost.inliers) == 0
+    assert Status(int(lost.status)) is Status.NOT_CONVERGED
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(lost) if leaf.dtype != bool)
     empty = align_jit(
         source.replace(valid=jnp.zeros_like(source.valid)), world, start=START(), params=as_arrays(AlignParams())
     )
     assert float(empty.inlier_share) == 0
+    assert not empty.converged
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(empty) if leaf.dtype != bool)
 
 
-def test_covariance_predicts_the_scatter_of_the_answers(align_jit, build_jit):
-    params, maps = as_arrays((AlignParams(), MAP))
+def test_uncalibrated_covariance_predicts_the_scatter_of_the_answers_on_one_map(align_jit, build_jit):
+    sandwich = CovarianceParams(scale=1.0, share=0.0, floor_rotation=0.0, floor_translation=0.0)
+    params, maps = as_arrays((AlignParams(covariance=sandwich), MAP))
     world = build_jit(covered(courtyard(1000, 100)), maps)
     twists, sizes = [], []
     for seed in range(20):

@@ -48,7 +48,6 @@ class LidarLocalizerParams:
     align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)
     odometry: OdometryParams = OdometryParams()
     health: HealthParams = HealthParams()
-    covariance_scale: float = 300.0  # s^2, by which the sandwich is multiplied, calibrated in experiments.register
     drift: float = 0.01  # standard deviation that odometry adds in 1 m: so many m, and a tenth of it in rad
     start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
     fallback: bool = static(default=True)  # the prediction replaces a failed registration
@@ -163,7 +162,7 @@ def step(
     T_map_body = jax.tree.map(lambda a, b: jnp.where(use, a, b), found.pose, T_map_carried)
     covariance = jnp.where(
         use,
-        params.covariance_scale * found.covariance[jnp.ix_(jnp.array(PLANE), jnp.array(PLANE))],
+        found.covariance[jnp.ix_(jnp.array(PLANE), jnp.array(PLANE))],
         _carried(params, state, odometer),
     )
     info = LidarInfo(

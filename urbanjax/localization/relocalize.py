@@ -87,7 +87,8 @@ def relocalize(
         factor=factor.replace(max_distance=params.max_distance), max_iterations=params.max_iterations
     )
     rough = align_starts(cloud, target, starts=starts, params=wide, at_once=params.at_once)
-    _, best = jax.lax.top_k(rough.inlier_share - rough.matching_error / params.max_distance, params.finalists)
+    explained = rough.inlier_share - rough.matching_error / params.max_distance
+    _, best = jax.lax.top_k(jnp.where(rough.inliers > 0, explained, -jnp.inf), params.finalists)
     tight = localizer.align.replace(factor=factor.replace(max_distance=params.near))
     fine = align_starts(
         cloud, target, starts=jax.tree.map(lambda x: x[best], rough.pose), params=tight, at_once=params.at_once

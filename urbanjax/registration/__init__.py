@@ -1,6 +1,7 @@
 """Point-to-distribution registration: a scan against a map of distributions (Eq. 1-5)."""
 
 from urbanjax.registration.align import Alignment, AlignParams, align, align_starts
+from urbanjax.registration.covariance import CovarianceParams
 from urbanjax.registration.degeneracy import Degeneracy, DegeneracyParams, degeneracy
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
 from urbanjax.registration.points import PointCloud, cloud, padded
@@ -9,6 +10,7 @@ from urbanjax.registration.preprocess import Preprocessing, PreprocessParams, pr
 __all__ = [
     "AlignParams",
     "Alignment",
+    "CovarianceParams",
     "Degeneracy",
     "DegeneracyParams",
     "DistributionMap",

@@ -11,6 +11,7 @@ from jax import Array, lax
 
 from urbanjax.numerics import safe
 from urbanjax.registration.correspond import correspond
+from urbanjax.registration.covariance import CovarianceParams, covariance
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.linear import (
     Correspondences,
@@ -20,7 +21,6 @@ from urbanjax.registration.linear import (
     held_cost,
     linearise,
     pairs_of,
-    sandwich,
 )
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import Status, pytree, static
@@ -32,9 +32,10 @@ ROUNDING = 16
 
 @pytree
 class AlignParams:
-    """Correspondences, and when to stop."""
+    """Correspondences, when to stop, and how sure the answer is."""
 
     factor: FactorParams = FactorParams()
+    covariance: CovarianceParams = CovarianceParams()
     rotation_tolerance: float = 1.75e-3  # rad, step below which it has converged
     translation_tolerance: float = 1e-3  # m, likewise
     damping: float = 1e-3  # at the start, added to the diagonal of the Hessian
@@ -48,15 +49,15 @@ class Alignment:
     """The pose, and what spoke for it in the last iteration, one step before it."""
 
     pose: jaxlie.SE3  # T_map_body, the only field with a derivative
-    converged: Array  # [] bool
+    converged: Array  # [] bool; never without a correspondence
     iterations: Array  # [] int32
     inliers: Array  # [] number of points with a correspondence
     inlier_share: Array  # [] of the valid points
-    matching_error: Array  # [] m, mean distance from the corresponding means (Eq. 1)
+    matching_error: Array  # [] m, mean distance from the corresponding means (Eq. 1); 0 without inliers
     cost: Array  # [] half the weighted sum of squared Mahalanobis distances (Eq. 4)
     gradient: Array  # [6] b, of the cost with frozen weights
     hessian: Array  # [6, 6] H
-    covariance: Array  # [6, 6] of the twist [rad, m]: the sandwich H^-1 (sum g g') H^-1
+    covariance: Array  # [6, 6] of the twist [rad, m], calibrated as CovarianceParams says
 
     @property
     def status(self) -> Array:
@@ -84,7 +85,7 @@ def align(
     rotation = jaxlie.SO3.from_matrix(pose.rotation)
     return Alignment(
         pose=jaxlie.SE3.from_rotation_and_translation(rotation, pose.translation + target.origin),
-        converged=search.converged,
+        converged=search.converged & (inliers > 0),
         iterations=search.iterations,
         inliers=inliers,
         inlier_share=inliers / total,
@@ -92,7 +93,9 @@ def align(
         cost=at.cost,
         gradient=at.gradient,
         hessian=at.hessian,
-        covariance=sandwich(at, lax.stop_gradient(source)),
+        covariance=covariance(
+            at, lax.stop_gradient(source), inliers=inliers, params=lax.stop_gradient(params.covariance)
+        ),
     )
 
 

@@ -14,7 +14,6 @@ from urbanjax.registration.points import PointCloud
 from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 
 WEIGHTS = ("one", "sqrt_count", "count")
-LEAST_INFORMATION = 1e-6  # trace of a Hessian, below which it counts as this one: without points nothing divides by 0
 
 
 @pytree
@@ -116,9 +115,8 @@ def linearise(
         weight = pairs.weight * kernels.likelihood(squared, params.outlier_share, resolution=target.resolution)
     else:
         weight = pairs.weight * kernels.weight(squared, params.kernel, scale=params.kernel_scale)
-    moments = jnp.concatenate([jnp.ones_like(squared)[None], source.position, symmetric.outer(source.position)])
     values = jnp.concatenate([information, pulled, squared[None]]) * weight[None]
-    sums = _product(moments, values)
+    sums = _product(_moments(source), values)
     system = jnp.matmul(jnp.asarray(ASSEMBLY, sums.dtype), sums.reshape(100), precision=lax.Precision.HIGHEST)
     return System(system[:36].reshape(6, 6), system[36:42], system[42], residual, information, weight)
 
@@ -136,24 +134,34 @@ def held_cost(
     return jnp.dot(at.weight, squared, precision=lax.Precision.HIGHEST) / 2
 
 
-def sandwich(at: System, source: PointCloud) -> Float[Array, "6 6"]:
-    """Covariance of the twist, H^-1 (sum g g') H^-1 with g = J' Omega e: regularised covariances have no scale.
+def scatter(at: System, source: PointCloud) -> Float[Array, "6 6"]:
+    """Sum g g' of what each pair adds to the gradient, g = J' Omega e: how far the sum of them can be off 0.
 
-    Args: at, the problem at the pose found; source, the scan in its body frame.
+    Args: at, the problem at a pose; source, the scan in its body frame.
     """
     pulled = symmetric.product(at.information, at.residual) * at.weight[None]
     x, y, z = source.position
     torque = jnp.stack([y * pulled[2] - z * pulled[1], z * pulled[0] - x * pulled[2], x * pulled[1] - y * pulled[0]])
     each = jnp.concatenate([torque, pulled])
-    half = _solve(at.hessian, _product(each, each))
-    return _solve(at.hessian, half.T)
+    return _product(each, each)
 
 
-def _solve(hessian: Array, right: Array) -> Array:
-    """H^-1 right; a direction without any information is held back instead of dividing by zero."""
-    scale = jnp.maximum(jnp.trace(hessian), LEAST_INFORMATION)
-    eye = jnp.eye(6, dtype=hessian.dtype)
-    return jnp.linalg.solve(hessian + jnp.finfo(hessian.dtype).eps * scale * eye, right)
+def isotropic(at: System, source: PointCloud) -> Float[Array, "6 6"]:
+    """The Hessian if each pair said as much in every direction as in all together: sum w tr(Omega) J' J.
+
+    Args: at, the problem at a pose; source, the scan in its body frame.
+    """
+    trace = at.weight * (at.information[0] + at.information[3] + at.information[5])
+    sums = _product(_moments(source), trace[None])
+    alike = jnp.array((*symmetric.IDENTITY, 0, 0, 0, 0), sums.dtype)
+    assembly = jnp.asarray(ASSEMBLY[:36], sums.dtype)
+    return jnp.matmul(assembly, (sums * alike[None]).reshape(100), precision=lax.Precision.HIGHEST).reshape(6, 6)
+
+
+def _moments(source: PointCloud) -> Array:
+    """(1, s, s s') of each point [10, N]."""
+    position = source.position
+    return jnp.concatenate([jnp.ones_like(position[:1]), position, symmetric.outer(position)])
 
 
 def _product(a: Array, b: Array) -> Array:
