@@ -115,8 +115,11 @@ def spread(
     tail = (1 - jnp.asarray(params.level, value.dtype)) / 2
     low, high = (jnp.quantile(around, q, axis=0) for q in (tail, 1 - tail))
     valid = good & jnp.all(fine, axis=0)
-    found = (value - high, value - low, jnp.std(around, axis=0, ddof=1))
-    return Interval(*(jnp.where(valid, x, jnp.nan) for x in found), valid)
+
+    def known(x: Array) -> Array:
+        return jnp.where(valid, x, jnp.nan)
+
+    return Interval(known(value - high), known(value - low), known(jnp.std(around, axis=0, ddof=1)), valid)
 
 
 def lap_swap(
