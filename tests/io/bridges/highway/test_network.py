@@ -14,6 +14,7 @@ ENVIRONMENTS = (
     "two-way-v0",
     "racetrack-v1",
     "roundabout-v0",
+    "roundabout-generic-v0",
     "intersection-v0",
     "u-turn-v0",
     "exit-v0",
@@ -143,6 +144,13 @@ def test_roundabout_holes_are_bridged(networks):
     assert bridge[3] < 0
     ((entry),) = after[bridge]
     assert entry[:2] == ("se", "ex")
+
+
+def test_a_roundabout_is_entered_and_left_round_its_corners(networks):
+    _, graph, keys = networks["roundabout-generic-v0"]
+    after, *_ = links(graph, keys)
+    assert after["ses", "se", 0, 0] == {("se", "ex", 1, 0)}
+    assert after["ee", "nx", 1, 0] == {("nx", "ne", 1, 0), ("nx", "nxs", 0, 0)}
 
 
 def test_intersection_offers_left_straight_and_right(networks):

@@ -16,7 +16,11 @@ LaneKey = tuple[str, str, int, int]  # from node, to node, lane id, piece
 DEFAULT_LIMIT = 30.0  # m/s, where a lane has none (highway-env's highways)
 FLIP = np.array([1.0, -1.0])
 JOIN = 1.5  # m, between lanes that go on into each other
-BENT, BENT_BRIDGE = 0.75, 1.2  # rad, largest change of heading into a lane that goes on, and beyond a hole
+TOUCH = 0.05  # m, between lanes that do so even round a corner (roundabout-generic-v0)
+BENT, BENT_BRIDGE = (
+    0.75,
+    1.2,
+)  # rad, largest change of heading into a lane that goes on, and at a corner or beyond a hole
 BRIDGE = 12.0  # m, longest hole in a road that is bridged by a link of its own
 STRIP = 0.05  # m of no road between two lanes that a change may cross
 BLEND = 10.0  # m, over which the end of a lane is led onto its successor
@@ -99,7 +103,11 @@ def continuations(network: Any, index: tuple[str, str, int]) -> tuple[list[tuple
     for node, following in network.graph.get(index[1], {}).items():
         targets = {(index[1], node, i): other for i, other in enumerate(following)}
         places = {target: _beyond(lane, other) for target, other in targets.items()}
-        meeting = [target for target, (_, _, gap, turn) in places.items() if gap <= JOIN and turn < BENT]
+        meeting = [
+            target
+            for target, (_, _, gap, turn) in places.items()
+            if gap <= JOIN and turn < (BENT_BRIDGE if gap <= TOUCH else BENT)
+        ]
         reachable = [
             t for t, (away, _, gap, turn) in places.items() if away > 0 and gap <= BRIDGE and turn < BENT_BRIDGE
         ]
