@@ -13,7 +13,7 @@ from experiments.overtake import figures as overtake_figures
 from experiments.overtake import study as overtake
 from urbanjax.io.bridges.highway.episode import Episode
 from urbanjax.roadmap.builders import straight
-from urbanjax.types import ConfigError, config
+from urbanjax.types import ConfigError, Objects, config
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -96,7 +96,9 @@ def test_figures_of_the_overtaking_study_are_drawn(study, tmp_path):
 def episode(env, driver, seed, speed, collision=False, off=False):
     time = np.linspace(0.0, 2.0, 31)
     position = np.stack([speed * time, 0 * time], -1)
-    others = np.tile(np.array([500.0, 0.0, 0.0, 0.0, 5.0, 2.0]), (31, 1, 1))
+    there = np.ones((31, 1))
+    at = np.tile(np.array([500.0, 0.0]), (31, 1, 1))
+    others = Objects(at, 0 * there, 0 * there, 5 * there, 2 * there, valid=there > 0)
     on_road = np.full(31, not off)
     ones = np.ones(31)
     return Episode(

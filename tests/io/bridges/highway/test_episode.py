@@ -6,11 +6,18 @@ import pytest
 from urbanjax.io.bridges.highway.environment import ACCELERATION, STEERING, action_of, make_idm, open_environment
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
 from urbanjax.io.bridges.highway.measure import time_to_collision
+from urbanjax.types import Objects
 
 
-def sample(ego, others, steps=1):
-    """A drive that stands still at one moment. Each vehicle: x, y (m), heading (rad), speed (m/s)."""
+def sample(ego, others, steps=1, gone=()):
+    """A drive that stands still at one moment. Each vehicle: x, y (m), heading (rad), speed (m/s).
+
+    Those in `gone` were there at the first moment only.
+    """
     rows = np.array([[*other, 5.0, 2.0] for other in others], float).reshape(-1, 6)
+    table = np.repeat(rows[None], steps, axis=0)
+    table[1:, list(gone)] = np.nan
+    columns = (table[..., i] for i in range(2, 6))
     x, y, heading, speed = ego
     return Episode(
         env="",
@@ -22,7 +29,7 @@ def sample(ego, others, steps=1):
         heading=np.full(steps, heading, float),
         speed=np.full(steps, speed, float),
         on_road=np.full(steps, True),
-        others=np.repeat(rows[None], steps, axis=0),
+        others=Objects(table[..., :2], *columns, valid=np.isfinite(table[..., 0])),
         collision=False,
         step_seconds=[],
         frames=[],
@@ -48,6 +55,40 @@ def test_time_to_collision_of_known_meetings(ego, other, expected):
 
 def test_time_to_collision_without_others_is_infinite():
     assert time_to_collision(sample((0, 0, 0, 20), [], steps=3)).tolist() == [np.inf] * 3
+
+
+def test_time_to_collision_forgets_who_is_gone():
+    ahead, behind = (45, 0, 0, 10), (-45, 0, 0, 30)
+    ttc = time_to_collision(sample((0, 0, 0, 20), [ahead, behind], steps=3, gone=[0]))
+    assert ttc == pytest.approx([4.0] * 3, abs=1e-4)
+    ttc = time_to_collision(sample((0, 0, 0, 20), [ahead, behind], steps=3, gone=[0, 1]))
+    assert ttc.tolist() == [pytest.approx(4.0, abs=1e-4), np.inf, np.inf]
+
+
+class Remover(Idm):
+    """Takes the vehicle behind the first of the others out of the traffic after ten steps."""
+
+    def start(self, env):
+        super().start(env)
+        self.steps = 0
+
+    def act(self, env):
+        self.steps += 1
+        if self.steps == 10:
+            del env.road.vehicles[1]
+
+
+def test_vehicles_that_come_and_go_keep_their_columns():
+    env = open_environment("intersection-v0")
+    episode = drive(env, ("intersection-v0", "IDM"), driver=Remover(), seed=1, duration=1.0)
+    others, there = episode.others, episode.others.valid
+    assert there[:, 1].tolist() == [True] * 10 + [False] * 6
+    assert np.isnan(others.position[~there]).all()
+    assert not there[0].all()  # some came
+    assert there[:, [0, 2]].all()
+    steps = np.linalg.norm(np.diff(others.position, axis=0), axis=-1)[there[1:] & there[:-1]]
+    assert 0.0 < steps.max() < 1.0  # m: nobody jumps
+    assert not np.isnan(time_to_collision(episode)).any()
 
 
 def test_actions_reach_the_vehicle_in_its_own_units():
@@ -102,7 +143,7 @@ def test_a_drive_without_traffic_covers_what_physics_says():
     assert episode.speed[[0, -1]] == pytest.approx([25.0, 21.0])
     assert episode.distance == pytest.approx(25.0 * 4 - 8.0, abs=0.2)
     assert episode.mean_speed == pytest.approx(episode.distance / 4.0)
-    assert episode.others.shape == (61, 0, 6)
+    assert episode.others.valid.shape == (61, 0)
     assert not episode.collision
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from urbanjax.io.bridges.highway.environment import EGO_COLOUR, FREQUENCY
 from urbanjax.io.bridges.highway.network import continuations
+from urbanjax.types import Objects
 
 
 @runtime_checkable
@@ -36,7 +37,7 @@ class Episode:
     heading: np.ndarray  # [N] rad
     speed: np.ndarray  # [N] m/s
     on_road: np.ndarray  # [N] bool
-    others: np.ndarray  # [N, V, 6] x, y (m), heading (rad), speed (m/s), length, width (m) of vehicles and obstacles
+    others: Objects  # [N, V] every vehicle and obstacle that was met; NaN and not valid while it is not there
     collision: bool
     step_seconds: list[float]
     frames: list[np.ndarray]  # RGB pictures, if any were asked for
@@ -88,29 +89,46 @@ def drive(
     env.reset(seed=seed)
     driver.start(env)
     env.vehicle.color = EGO_COLOUR
-    steps, rows, frames, ended = round(duration * FREQUENCY), [], [], False
-    rows.append(_row(env, 0))
+    steps, frames, ended = round(duration * FREQUENCY), [], False
+    rows, scenes = [_row(env, 0)], [_scene(env)]
     for step in range(1, steps + 1):
         if frame_every and (step - 1) % frame_every == 0:
             frames.append(env.render())
         _, _, terminated, _, _ = env.step(driver.act(env))
         rows.append(_row(env, step))
+        scenes.append(_scene(env))
         tick(step)
         ended = _road_ends(env) or (terminated and not env.vehicle.crashed and env.vehicle.on_road)
         if terminated or ended:
             break
     columns = [np.asarray(column) for column in zip(*rows, strict=True)]
     nominal = float(columns[0][-1]) if ended else duration
-    return Episode(*name, seed, nominal, *columns, bool(env.vehicle.crashed), list(driver.step_seconds), frames)
+    crashed, seconds = bool(env.vehicle.crashed), list(driver.step_seconds)
+    return Episode(*name, seed, nominal, *columns, _tracks(scenes), crashed, seconds, frames)
 
 
 def _row(env: Any, step: int) -> tuple:
     ego = env.vehicle
-    things = [thing for thing in [*env.road.vehicles, *env.road.objects] if thing is not ego and thing.solid]
-    others = [(t.position[0], -t.position[1], -t.heading, t.speed, t.LENGTH, t.WIDTH) for t in things]
     position = ego.position * np.array([1.0, -1.0])
-    state = position, -float(ego.heading), float(ego.speed), bool(ego.on_road)
-    return step / FREQUENCY, *state, np.reshape(others, (-1, 6))
+    return step / FREQUENCY, position, -float(ego.heading), float(ego.speed), bool(ego.on_road)
+
+
+def _scene(env: Any) -> dict[Any, tuple]:
+    """Where everything solid but the ego is, and its speed, length and width; y up."""
+    things = [thing for thing in [*env.road.vehicles, *env.road.objects] if thing is not env.vehicle and thing.solid]
+    return {t: (t.position[0], -t.position[1], -t.heading, t.speed, t.LENGTH, t.WIDTH) for t in things}
+
+
+def _tracks(scenes: list[dict[Any, tuple]]) -> Objects:
+    """The scenes over time [N, V]: one column for each thing, whenever it came and went."""
+    columns = {thing: i for i, thing in enumerate(dict.fromkeys(thing for scene in scenes for thing in scene))}
+    table = np.full((len(scenes), len(columns), 6), np.nan)
+    valid = np.zeros(table.shape[:2], bool)
+    for row, scene in enumerate(scenes):
+        there = [columns[thing] for thing in scene]
+        table[row, there] = np.reshape(list(scene.values()), (-1, 6))
+        valid[row, there] = True
+    return Objects(table[..., :2], *(table[..., i] for i in range(2, 6)), valid=valid)
 
 
 def _road_ends(env: Any) -> bool:
