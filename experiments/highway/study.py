@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from urbanjax.io.bridges.highway.driver import HIGHWAY_STACK, DriverParams, StackDriver
-from urbanjax.io.bridges.highway.environment import FREQUENCY, open_environment
+from urbanjax.io.bridges.highway.environment import FREQUENCY, check_drivable, open_environment
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
 from urbanjax.io.bridges.highway.measure import time_to_collision
 from urbanjax.stack import StackParams
@@ -30,6 +30,7 @@ class HighwayStudy:
     drivers: tuple[str, ...] = static(default=(STACK, IDM), metadata={"choices": (STACK, IDM)})
     seeds: int = static(default=20)  # drives per environment and driver
     seed: int = static(default=0)  # the first one
+    destination: str = static(default="")  # node of the road to drive to; none: where the environment sends its ego
     duration: float = static(default=40.0, metadata=POSITIVE)  # s, or the end of the road
     gif_every: int = static(default=5, metadata={"range": (0, 1000)})  # steps between pictures; 0: none
 
@@ -40,9 +41,12 @@ def drives(study: HighwayStudy, tick: Any = lambda label, share: None) -> Iterat
     total, done = len(study.envs) * len(study.drivers) * study.seeds, 0
     steps = round(study.duration * FREQUENCY)
     for name in study.envs:
+        check_drivable(name)
+    config = {"destination": study.destination} if study.destination else {}
+    for name in study.envs:
         # On the racetrack the baseline only follows its lane; elsewhere it changes lanes where that is faster.
         baseline = Idm(change_lanes=not name.startswith("racetrack"))
-        env = open_environment(name, duration=study.duration)
+        env = open_environment(name, duration=study.duration, **config)
         for who in study.drivers:
             for seed in range(study.seed, study.seed + study.seeds):
                 label = f"{name}, {who}, seed {seed}"
@@ -69,6 +73,7 @@ def scores(episodes: Sequence[Episode], duration: float) -> dict[str, list[Any]]
         "seed": [e.seed for e in episodes],
         "collision": [e.collision for e in episodes],
         "off_road": [not bool(e.on_road.all()) for e in episodes],
+        "arrived": [e.arrived for e in episodes],
         "distance_m": [e.distance for e in episodes],
         "nominal_s": [e.nominal for e in episodes],
         "driven_s": [float(e.time[-1]) for e in episodes],
@@ -83,12 +88,14 @@ def table(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
     out: dict[str, list[Any]] = {}
     for env, who, chosen in _groups(rows):
         step = [t for t in chosen["step_median_ms"] if t is not None]
+        arrived = [a for a in chosen["arrived"] if a is not None]
         for heading, value in {
             "environment": env,
             "driver": who,
             "drives": len(chosen["seed"]),
             "collisions": sum(chosen["collision"]),
             "off the road": sum(chosen["off_road"]),
+            "arrived": sum(arrived) if arrived else None,
             "mean speed [m/s]": float(np.mean(chosen["mean_speed_mps"])),
             "least TTC [s]": min(chosen["least_ttc_s"]),
             "median TTC [s]": float(np.median(chosen["least_ttc_s"])),
@@ -106,6 +113,7 @@ def summary(rows: dict[str, list[Any]]) -> dict[str, Any]:
         "drives": "drives",
         "collisions": "collisions",
         "off the road": "off_road",
+        "arrived": "arrived",
         "mean speed [m/s]": "mean_speed_mps",
         "least TTC [s]": "least_ttc_s",
         "step [ms]": "step_median_ms",

@@ -112,3 +112,34 @@ def test_it_drives_on_the_road_and_compiles_once_for_all_of_them(environments, d
         drive(env, (name, "stack"), driver=driver, seed=1, duration=0.5)
         assert len(compilations) == before  # another seed, another graph: nothing new
     assert compilations
+
+
+@pytest.mark.parametrize(
+    ("name", "last"),
+    [
+        ("intersection-v0", ("il1", "o1")),
+        ("roundabout-v0", ("nxs", "nxr")),
+        ("roundabout-generic-v0", ("nxs", "nxr")),
+    ],
+)
+def test_it_goes_where_the_environment_sends_it_and_on_to_the_end_of_the_road(driver, name, last):
+    env = open_environment(name)
+    env.reset(seed=0)
+    driver.plan(env)
+    corridor = driver.course.corridor
+    way = np.asarray(corridor.lane_link)[:, corridor.route_lane]
+    assert driver.keys[way[0]][:2] == env.vehicle.lane_index[:2]
+    assert driver.keys[way[-1]][:2] == last
+    ends = env.road.network.graph[last[0]][last[1]]
+    end = np.asarray(driver.graph.centre)[way[-1], -1] * [1.0, -1.0]
+    assert min(np.linalg.norm(lane.position(lane.length, 0.0) - end) for lane in ends) < 0.1
+
+
+def test_vehicles_come_and_go_while_it_drives(driver):
+    env = open_environment("intersection-v0")
+    episode = drive(env, ("intersection-v0", "stack"), driver=driver, seed=1, duration=1.0)
+    assert len(driver.step_seconds) == 15
+    assert episode.others.valid.shape[0] == 16
+    assert not episode.others.valid[0].all()
+    assert episode.on_road.all()
+    assert not episode.arrived

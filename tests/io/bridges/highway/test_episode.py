@@ -144,6 +144,7 @@ def test_a_drive_without_traffic_covers_what_physics_says():
     assert episode.distance == pytest.approx(25.0 * 4 - 8.0, abs=0.2)
     assert episode.mean_speed == pytest.approx(episode.distance / 4.0)
     assert episode.others.valid.shape == (61, 0)
+    assert episode.arrived is None  # it goes nowhere in particular
     assert not episode.collision
 
 

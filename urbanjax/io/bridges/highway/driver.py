@@ -15,7 +15,7 @@ from urbanjax.control.drive import ControlParams
 from urbanjax.control.longitudinal import LongitudinalParams
 from urbanjax.io.bridges.highway.environment import FREQUENCY, action_of
 from urbanjax.io.bridges.highway.network import read_network
-from urbanjax.io.bridges.highway.route import ahead, course_to, shared_ground
+from urbanjax.io.bridges.highway.route import Destination, ahead, course_to, shared_ground, toward
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.locate import locate
@@ -64,15 +64,19 @@ class StackDriver:
         self.info: StackInfo | None = None
 
     def start(self, env: Any) -> None:
-        """Read the road, plan the route ahead and compile what the drive will need."""
+        """Plan the way and compile what the drive will need."""
+        self.plan(env)
+        jax.block_until_ready(_step()(self.stack, self.course, self.state, self.observe(env)))
+
+    def plan(self, env: Any) -> None:
+        """Read the road and plan the way to the ego's goal or ahead."""
         self.graph, self.keys = read_network(env.road.network, max_link=self.params.max_link, buckets=True)
         self.shared = shared_ground(self.graph)
         self.command = (0.0, 0.0)
         self.step_seconds = []
         link = self._link(env)
-        self.destination = ahead(self.graph, link, reach=self.params.reach)
+        self.destination = self._destination(env, link)
         self._follow(env, link)
-        jax.block_until_ready(_step()(self.stack, self.course, self.state, self.observe(env)))
 
     def act(self, env: Any) -> np.ndarray:
         """The action of this step."""
@@ -108,6 +112,14 @@ class StackDriver:
         pose = observation.pose
         position, heading = pose.translation()[None], pose.rotation().as_radians()[None]
         return int(_locate(self.graph, position, heading, self.stack.situation.locate).link[0])
+
+    def _destination(self, env: Any, link: int) -> Destination:
+        """The last road of the ego's route in any of its lanes, or the road ahead of `link` where it has no route."""
+        if not env.vehicle.route:
+            return ahead(self.graph, link, reach=self.params.reach)
+        road = tuple(env.vehicle.route[-1][:2])
+        last = {key[2]: i for i, key in enumerate(self.keys) if key[:2] == road and key[3] >= 0}  # pieces are in order
+        return toward(self.graph, list(last.values()), reach=self.params.reach)
 
     def _follow(self, env: Any, link: int) -> None:
         """Take the route that begins on `link`."""

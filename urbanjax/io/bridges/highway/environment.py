@@ -13,24 +13,43 @@ SPEED = (0.0, 40.0)  # m/s
 EGO_COLOUR = (50, 200, 0)
 SCREEN = {"screen_width": 720, "screen_height": 200}  # px
 TALL = 300  # px: an environment whose own screen is as high keeps it
+WITHOUT_ROUTE = {
+    "parking-": "it has parking spaces, but no road to drive along",
+    "lane-keeping-": "it asks for one lane to be held, but has no route to drive",
+}  # by the beginning of the name
+
+
+def drivable() -> tuple[str, ...]:
+    """The environments of highway-env in which a road can be driven along."""
+    return tuple(name for name in _registered() if not name.startswith(tuple(WITHOUT_ROUTE)))
+
+
+def check_drivable(name: str) -> None:
+    """Nothing where the environment can be driven; raises ConfigError where not. Args: name, as registered."""
+    names = drivable()
+    if name in names:
+        return
+    why = "highway-env registers no such environment"
+    if name in _registered():
+        why = next(why for beginning, why in WITHOUT_ROUTE.items() if name.startswith(beginning))
+    raise ConfigError(f"no highway-env environment '{name}' to drive: {why}; set 'envs' to some of {', '.join(names)}")
 
 
 def open_environment(name: str, **config: Any) -> Any:
     """The environment `name` with both continuous controls at 15 Hz; `reset(seed=...)` places the traffic.
 
-    Rewards are left out: some are defined for discrete actions only.
-    Args: name, as registered (`highway-v0`); config, values over the environment's own. Raises ConfigError for an
-    unknown name.
+    Its ego has a `route` where the environment sends it somewhere, or where `destination` names a node of the road.
+    Args: name, as registered (`highway-v0`); config, values over the environment's own. Raises ConfigError for one
+    that cannot be driven.
     """
+    check_drivable(name)
     import gymnasium
-    import highway_env  # noqa: F401  registers its environments
     from gymnasium.envs.registration import load_env_creator
 
-    try:
-        creator = load_env_creator(gymnasium.spec(name).entry_point)
-    except gymnasium.error.Error as error:
-        raise ConfigError(f"no highway-env environment '{name}': {str(error).splitlines()[0]}") from error
-    driven = type(f"Driven{creator.__name__}", (creator,), {"_reward": _no_reward, "_rewards": _no_rewards})
+    from urbanjax.io.bridges.highway.driven import DrivenEnv
+
+    creator = load_env_creator(gymnasium.registry[name].entry_point)
+    driven = type(f"Driven{creator.__name__}", (DrivenEnv, creator), {})
     action = {
         "type": "ContinuousAction",
         "longitudinal": True,
@@ -49,12 +68,13 @@ def open_environment(name: str, **config: Any) -> Any:
     return driven(config={**defaults, **screen, **config}, render_mode="rgb_array")
 
 
-def _no_reward(self: Any, action: Any) -> float:
-    return 0.0
+def _registered() -> list[str]:
+    """All environments of highway-env, of any version, in its own order."""
+    import gymnasium
+    import highway_env  # noqa: F401  registers its environments
 
-
-def _no_rewards(self: Any, action: Any) -> dict[str, float]:
-    return {}
+    specs = gymnasium.registry.items()
+    return [name for name, spec in specs if str(spec.entry_point).startswith("highway_env.")]
 
 
 def action_of(acceleration: float, steering: float) -> np.ndarray:
@@ -70,13 +90,10 @@ def action_of(acceleration: float, steering: float) -> np.ndarray:
 
 
 def make_idm(env: Any, change_lanes: bool = True) -> None:
-    """Put highway-env's IDM and MOBIL vehicle in the place and state of the ego; the other traffic stays as it is.
+    """Put highway-env's IDM and MOBIL vehicle in the place, state and route of the ego; the rest stays as it is.
 
     Args: env, an environment after its reset; change_lanes, false for a vehicle that keeps to its lane.
     """
-    from highway_env.vehicle.behavior import IDMVehicle
+    from urbanjax.io.bridges.highway.driven import replace_with_idm
 
-    ego = env.vehicle
-    idm = IDMVehicle(env.road, ego.position, ego.heading, ego.speed, enable_lane_change=change_lanes)
-    env.road.vehicles[env.road.vehicles.index(ego)] = idm
-    env.controlled_vehicles[0] = idm
+    env.vehicle = replace_with_idm(env.road, env.vehicle, change_lanes=change_lanes)

@@ -41,6 +41,7 @@ class Episode:
     collision: bool
     step_seconds: list[float]
     frames: list[np.ndarray]  # RGB pictures, if any were asked for
+    arrived: bool | None = None  # on the last road of the ego's route; None where it has no route
 
     @property
     def distance(self) -> float:
@@ -87,6 +88,8 @@ def drive(
     duration [s]; frame_every, steps between pictures (0: none); tick, told the number of steps done after each.
     """
     env.reset(seed=seed)
+    goal = env.vehicle.route[-1][:2] if env.vehicle.route else None
+    arrived = None if goal is None else False
     driver.start(env)
     env.vehicle.color = EGO_COLOUR
     steps, frames, ended = round(duration * FREQUENCY), [], False
@@ -98,13 +101,14 @@ def drive(
         rows.append(_row(env, step))
         scenes.append(_scene(env))
         tick(step)
+        arrived = arrived if goal is None else arrived or env.vehicle.lane_index[:2] == goal
         ended = _road_ends(env) or (terminated and not env.vehicle.crashed and env.vehicle.on_road)
         if terminated or ended:
             break
     columns = [np.asarray(column) for column in zip(*rows, strict=True)]
     nominal = float(columns[0][-1]) if ended else duration
     crashed, seconds = bool(env.vehicle.crashed), list(driver.step_seconds)
-    return Episode(*name, seed, nominal, *columns, _tracks(scenes), crashed, seconds, frames)
+    return Episode(*name, seed, nominal, *columns, _tracks(scenes), crashed, seconds, frames, arrived)
 
 
 def _row(env: Any, step: int) -> tuple:

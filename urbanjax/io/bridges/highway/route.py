@@ -1,4 +1,4 @@
-"""Where a drive in highway-env goes: ahead on its road, and in another lane once it has settled there."""
+"""Where a drive in highway-env goes: to its goal or ahead on its road, and in another lane once settled there."""
 
 import dataclasses
 import functools
@@ -44,14 +44,27 @@ def ahead(graph: RoadGraph, start: int, *, reach: float) -> Destination:
         if link == start:
             break
         if link in seen:
-            raise RouteError(f"the road ahead of link {start} leads into a circle that does not pass it: name a goal")
+            raise RouteError(f"the road ahead of link {start} leads into a circle without it: set 'destination'")
         seen.append(link)
         way += float(host.length[link])
     closed = bool(host.has_successor[link].any()) and way < reach
-    goals = _abreast(host, seen[-1])
-    params = RouteParams()
-    costs = np.stack([np.asarray(_cost_to_go(graph, goal, params=params)) for goal in goals])
-    return Destination(goals, costs, max(int(np.ceil(reach / way)), 1) if closed else 1)
+    return _destination(graph, _abreast(host, seen[-1]), laps=max(int(np.ceil(reach / way)), 1) if closed else 1)
+
+
+def toward(graph: RoadGraph, goals: list[int], *, reach: float) -> Destination:
+    """The end of the links `goals`, or of the road beyond them as far as all who pass there and nobody else goes on.
+
+    Args: graph, the road graph; goals, links; reach [m], of the road beyond.
+    """
+    host = jax.tree.map(np.asarray, graph)
+    link, way = goals[0], 0.0
+    while way < reach and host.has_successor[link].sum() == 1:
+        after = int(host.successor[link][np.argmax(host.has_successor[link])])
+        if host.has_predecessor[after].sum() != 1 or after in goals:
+            break
+        link = after
+        way += float(host.length[link])
+    return _destination(graph, goals if link == goals[0] else _abreast(host, link), laps=1)
 
 
 def course_to(graph: RoadGraph, start: int, *, destination: Destination, params: CorridorParams) -> Course:
@@ -76,6 +89,12 @@ def shared_ground(graph: RoadGraph) -> np.ndarray:
     """
     offset = np.abs(np.asarray(graph.opposite_offset))
     return np.any(np.asarray(graph.has_opposite) & (offset < SHARED), axis=1)
+
+
+def _destination(graph: RoadGraph, goals: list[int], *, laps: int) -> Destination:
+    params = RouteParams()
+    costs = np.stack([np.asarray(_cost_to_go(graph, goal, params=params)) for goal in goals])
+    return Destination(goals, costs, laps)
 
 
 def _abreast(graph: RoadGraph, link: int) -> list[int]:
