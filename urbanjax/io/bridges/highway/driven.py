@@ -9,6 +9,7 @@ from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.controller import ControlledVehicle
 from highway_env.vehicle.kinematics import Vehicle
 
+from urbanjax.io.bridges.highway.network import continuations
 from urbanjax.types import ConfigError
 
 
@@ -77,12 +78,14 @@ def replace_with_idm(road: Any, vehicle: Any, *, change_lanes: bool) -> IDMVehic
 
 def _route_to(vehicle: Any, destination: str) -> list[tuple[str, str, int | None]]:
     """The roads from a vehicle to a node of its road network."""
-    network, (_, node, _) = vehicle.road.network, vehicle.lane_index
-    reachable = [node]
-    for here in reachable:
-        reachable += [after for after in network.graph.get(here, {}) if after not in reachable]
-    if destination not in reachable:
+    network, roads = vehicle.road.network, [vehicle.lane_index[:2]]
+    for begin, end in roads:  # grows while it is read
+        lanes = [(begin, end, i) for i in range(len(network.graph[begin][end]))]
+        after = [target[:2] for lane in lanes for targets in continuations(network, lane) for target in targets]
+        roads += [road for road in dict.fromkeys(after) if road not in roads]
+    nodes = list(dict.fromkeys(end for _, end in roads))
+    if destination not in nodes:
         raise ConfigError(
-            f"'destination' {destination!r} is no node that the ego can drive to: use one of {', '.join(reachable)}"
+            f"'destination' {destination!r} is no node that the ego can drive to: use one of {', '.join(nodes)}"
         )
     return vehicle.plan_route_to(destination).route
