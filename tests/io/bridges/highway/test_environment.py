@@ -74,3 +74,13 @@ def test_of_many_egos_one_is_driven_and_the_others_are_traffic():
     kinds = [type(vehicle).__name__ for vehicle in env.road.vehicles]
     assert kinds.count("RoutedVehicle") == 1
     assert set(kinds) == {"RoutedVehicle", "IDMVehicle"}
+
+
+def test_traffic_does_not_depend_on_what_was_driven_before():
+    from highway_env.vehicle.behavior import IDMVehicle
+
+    seen = []
+    for name in ("roundabout-v0", "intersection-v0", "roundabout-v0"):
+        open_environment(name)
+        seen.append((IDMVehicle.DISTANCE_WANTED, IDMVehicle.COMFORT_ACC_MAX, IDMVehicle.COMFORT_ACC_MIN))
+    assert seen == [(10.0, 3.0, -5.0), (7, 6, -3), (10.0, 3.0, -5.0)]

@@ -12,6 +12,9 @@ from highway_env.vehicle.kinematics import Vehicle
 from urbanjax.io.bridges.highway.network import continuations
 from urbanjax.types import ConfigError
 
+# Intersections change the class of all IDM vehicles for good: every reset begins with these.
+IDM = {name: getattr(IDMVehicle, name) for name in ("DISTANCE_WANTED", "COMFORT_ACC_MAX", "COMFORT_ACC_MIN")}
+
 
 class RoutedVehicle(Vehicle):
     """A vehicle driven by steering and acceleration that remembers where its environment sends it."""
@@ -41,6 +44,8 @@ class DrivenEnv(AbstractEnv):
         self.action_type = RoutedAction(self, **self.config["action"])
 
     def _reset(self) -> None:
+        for name, value in IDM.items():
+            setattr(IDMVehicle, name, value)
         super()._reset()
         for other in self.controlled_vehicles[1:]:
             replace_with_idm(self.road, other, change_lanes=True)
