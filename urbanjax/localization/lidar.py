@@ -12,7 +12,16 @@ from urbanjax.localization.odometry import Odometer, OdometryParams, OdometrySta
 from urbanjax.localization.sliding import SlidingParams
 from urbanjax.localization.types import Health, Localization, Sign
 from urbanjax.numerics import safe
-from urbanjax.registration import Alignment, AlignParams, PointCloud, PreprocessParams, align, align_starts, preprocess
+from urbanjax.registration import (
+    Alignment,
+    AlignParams,
+    CovarianceParams,
+    PointCloud,
+    PreprocessParams,
+    align,
+    align_starts,
+    preprocess,
+)
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.downsample import DownsampleParams
 from urbanjax.registration.features import FeatureParams
@@ -45,7 +54,11 @@ class LidarLocalizerParams:
     )
     sensing_radius: float = 100.0  # m in the plane, beyond which points of a scan are too sparse to help (Table I)
     sliding: SlidingParams = SlidingParams()
-    align: AlignParams = AlignParams(factor=FactorParams(max_distance=3.0, kernel="huber"), max_iterations=30)
+    align: AlignParams = AlignParams(
+        factor=FactorParams(max_distance=3.0, kernel="huber"),
+        covariance=CovarianceParams(floor_translation=4e-3),  # calibrated in experiments.register
+        max_iterations=30,
+    )
     odometry: OdometryParams = OdometryParams()
     health: HealthParams = HealthParams()
     drift: float = 0.01  # standard deviation that odometry adds in 1 m: so many m, and a tenth of it in rad
