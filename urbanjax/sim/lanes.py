@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from urbanjax.geometry import polyline
 from urbanjax.geometry.polyline import Projection
 from urbanjax.numerics import polynomial
+from urbanjax.roadmap.edges import road_edges
 from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import pytree, static
 
@@ -30,19 +31,20 @@ class LaneTables:
     ends: Array  # [L] bool, the lane ends but its neighbour goes on: one stops at the end, and does not leave
     rival: Array  # [L, R] int32, links that cross or merge with this one inside a junction
     has_rival: Array  # [L, R] bool
+    edge: Array  # [L * C, K, 8], the edges of the road near each part of a link, see `road_edges`
     n_points: int = static(default=2)
     has_conflicts: bool = static(default=False)
 
 
 def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
     """The simulator's tables of a road graph; done once, outside jit. Args: graph; n_points, per link."""
-    lanes = _tables(graph, n_points)
+    lanes = _tables(graph, road_edges(graph), n_points=n_points)
     entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
     return lanes.replace(has_conflicts=bool(jnp.any(lanes.has_rival) | jnp.any(entered_twice)))
 
 
-@functools.partial(jax.jit, static_argnums=1)
-def _tables(graph: RoadGraph, n_points: int) -> LaneTables:
+@functools.partial(jax.jit, static_argnames="n_points")
+def _tables(graph: RoadGraph, edge: Array, n_points: int) -> LaneTables:
     n_links = graph.station.shape[0]
     order = jnp.argsort(~graph.has_successor, axis=1, stable=True)
     count = jnp.sum(graph.has_successor, axis=1).astype(jnp.int32)
@@ -59,6 +61,7 @@ def _tables(graph: RoadGraph, n_points: int) -> LaneTables:
         ends=(count == 0) & goes_on & graph.valid,
         rival=graph.conflict.astype(jnp.int32),
         has_rival=has_rival,
+        edge=edge,
         n_points=n_points,
     )
 

@@ -1,18 +1,25 @@
 """What is kept of each step of a run: enough for all metrics, scores and figures."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from urbanjax.geometry.polyline import Projection
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.edges import edge_distance, edge_rows
 from urbanjax.sim import lanes as roads
-from urbanjax.sim import reaction
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import HARD, SimParams, Snapshot, WorldState, look
 from urbanjax.types import Command, Objects, VehicleState, pytree
+from urbanjax.vehicle.params import VehicleParams
 
-EDGE = 0.2  # m, natural scale of the choice of edge and corner for the relaxation
+EDGE = 0.2  # m, natural scale of the choice of the outermost point for the relaxation
+ALONG, ACROSS = 21, 17  # points along each side of the ego's box, and along its front and rear
+OUTLINE = np.array(
+    [(x, y) for x in np.linspace(-1, 1, ALONG) for y in (-1, 1)]
+    + [(x, y) for x in (-1, 1) for y in np.linspace(-1, 1, ACROSS)[1:-1]]
+)  # of a box of half sides 1
 
 
 @pytree
@@ -25,7 +32,7 @@ class Log:
     centre: Array  # [T, 2] m, centre of the ego's box
     along: Array  # [T] m/s, the ego's speed along its lane
     offset: Array  # [T] m, from the centre of the lane it is on, left positive
-    road_margin: Array  # [T] m, from its outermost corner to the edge of the road, negative outside
+    road_margin: Array  # [T] m, from the outermost point of its box to the edge of the road, negative outside
     traffic: Objects  # [T, V], all vehicles, seen or not
 
 
@@ -45,33 +52,34 @@ def record(
     """
     ego, vehicle = world.ego, params.vehicle
     seen = look(params, lanes, world=world) if seen is None else seen
-    links, exists = reaction.around(lanes.graph, seen.ego_link)
-    place = roads.place(lanes, links, position=seen.centre)
+    place = jax.tree.map(lambda x: x[0], roads.place(lanes, seen.ego_link[None], position=seen.centre))
     error = ego.heading - place.heading
-    left, right = _edges(place, error, 0.5 * lanes.width[links], exists, relaxation)
-    aside, ahead = 0.5 * vehicle.width * jnp.cos(error[0]), 0.5 * vehicle.length * jnp.sin(error[0])
-    corner = jnp.stack([ahead + aside, ahead - aside, aside - ahead, -ahead - aside])
+    rows = edge_rows(lanes.edge, seen.ego_link, share=place.station / lanes.graph.length[seen.ego_link])
+    margins = edge_distance(rows, _outline(ego.heading, seen.centre, vehicle, rows))
     return Log(
         time=world.time,
         ego=ego,
         command=command,
         centre=seen.centre,
-        along=ego.speed * jnp.cos(error[0]),
-        offset=place.offset[0],
-        road_margin=soft.minimum(jnp.concatenate([left - corner, corner - right]), relaxation, scale=EDGE),
+        along=ego.speed * jnp.cos(error),
+        offset=place.offset,
+        road_margin=soft.minimum(margins, relaxation, scale=EDGE),
         traffic=seen.others,
     )
 
 
-def _edges(
-    place: Projection, error: Array, half_width: Array, exists: Array, relaxation: Relaxation
-) -> tuple[Array, Array]:
-    """Lateral positions of the road's left and right edge [m], seen from the ego along its own lane.
-
-    The road is the lane the ego is on with its neighbours and those in the opposite direction, taken to be contiguous.
-    """
-    centre = -place.offset * jnp.sign(jnp.cos(error))
-    # A lane that ends before the ego, or begins after it, is no ground beside it.
-    beside = half_width - jnp.maximum(place.distance - jnp.abs(place.offset), 0.0)
-    left = -soft.minimum(-(centre + beside), relaxation, scale=EDGE, mask=exists)
-    return left, soft.minimum(centre - beside, relaxation, scale=EDGE, mask=exists)
+def _outline(heading: Array, centre: Array, vehicle: VehicleParams, rows: Array) -> Array:
+    """Points [m, 2] of the ego's outline: along both sides, and the one nearest to where an edge of the road begins."""
+    ahead = jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+    frame = jnp.stack([ahead, jnp.stack([-ahead[1], ahead[0]])])  # world to ego
+    half = 0.5 * jnp.stack([jnp.asarray(x, heading.dtype) for x in (vehicle.length, vehicle.width)])
+    sides = jnp.asarray(OUTLINE, heading.dtype) * half[None, :]
+    corner = jnp.sum((rows[:, None, :2] - centre[None, None, :]) * frame[None, :, :], axis=2)
+    beyond = jnp.abs(corner) - half[None, :]
+    gap = safe.norm(jnp.maximum(beyond, 0.0)) + jnp.minimum(jnp.max(beyond, axis=1), 0.0)
+    k = jnp.argmin(gap)
+    inside, depth = jnp.clip(corner[k], -half, half), beyond[k]
+    face = (depth == jnp.max(depth)) & (jnp.max(depth) < 0)  # one in the box is nearest to its outline across this face
+    nearest = jnp.where(face, jnp.where(inside < 0, -half, half), inside)
+    points = jnp.concatenate([sides, nearest[None]])
+    return centre[None, :] + jnp.sum(points[:, :, None] * frame[None, :, :], axis=1)
