@@ -18,7 +18,7 @@ from urbanjax.sim.world import SimParams, WorldState
 from urbanjax.types import Command, VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
-CRACK = 0.06  # m, about the gap between lanes that is none
+CRACK = 0.045  # m, about the gap between lanes that is none
 CAR, BUS = VehicleParams(), VehicleParams(length=12.0, width=2.5, wheelbase=6.0, rear_overhang=3.0)
 SHORT = RoadStyle(section=30.0, n_points=16)
 ROADS = {
@@ -35,7 +35,7 @@ ROADS = {
 
 def around(graph, place, distance):
     """The graph with only those lanes that begin near a place: the ramps and turns of one junction."""
-    gap = jnp.linalg.norm(graph.centre[:, 0] - jnp.asarray(place), axis=1)
+    gap = np.linalg.norm(np.asarray(graph.centre)[:, 0] - place, axis=1)
     return graph.replace(valid=graph.valid & (gap < distance))
 
 
@@ -125,7 +125,10 @@ def test_margin_is_the_distance_to_the_edge_of_the_union_of_all_lanes(name):
         clear = np.abs(expected) > 0.05
         np.testing.assert_array_equal(found[clear] > 0, expected[clear] > 0)
         near = np.abs(expected) < 0.5
-        np.testing.assert_allclose(found[near], expected[near], atol=0.1)
+        error = np.abs(found - expected)[near]
+        # Into a gap between two samples of the outline (0.6 m along a bus) the box reaches a little deeper.
+        assert np.all(error < np.where(expected[near] > 0, 0.1, 0.15))
+        assert np.median(error) < 0.01
 
 
 def test_gradient_of_the_margin_is_finite_and_matches_differences(x64):

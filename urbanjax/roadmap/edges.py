@@ -13,7 +13,7 @@ from urbanjax.numerics import lean, safe
 from urbanjax.roadmap.graph import RoadGraph
 
 PARTS = 8  # of a link, each with a list of edges of its own
-NEAREST = 48  # edges in such a list
+NEAREST = 64  # edges in such a list
 SEAM = 0.05  # m, a gap between lanes up to which the road goes on
 SAGITTA = 0.01  # m, by which an edge may cut a bend
 LONGEST = 12.0  # m, of an edge, where the map's points permit
@@ -133,7 +133,7 @@ def _uncovered(sides: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
     row = np.minimum(until.astype(int), len(sides) - 1)
     free = (begins - until) * np.linalg.norm(step, axis=1)[row] > SHORTEST
     row, t0, t1 = row[free], until[free], begins[free]
-    return tuple(start[row] + (t - row)[:, None] * step[row] for t in (t0, t1))
+    return start[row] + (t0 - row)[:, None] * step[row], start[row] + (t1 - row)[:, None] * step[row]
 
 
 def _close(sides: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
-INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is
+INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is: up to here from the ends of the map
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,8 +126,9 @@ def _all(
         held = jnp.minimum(jnp.arange(n_steps), count - 1)
         log = jax.tree.map(lambda x: x[held], log)
         station = jax.vmap(lambda p, h: progress(corridor, p, heading=h).station)(log.centre, log.ego.heading)
-        # Where the route has left the map nobody knows where the road is.
-        mapped = station + vehicle.length / 2 < corridor.length
+        # Where the route enters and leaves the map nobody knows where the road is.
+        reach = vehicle.length / 2 + INSIDE
+        mapped = (station > reach) & (station + reach < corridor.length)
         margin = jnp.where(mapped, log.road_margin, INSIDE)
         off = metrics.off_road(log.replace(road_margin=margin), own.stack.relaxation) > 0.5  # a degree in [0, 1]
         return log, collisions.first(log, vehicle), off, jnp.minimum(station, corridor.length)
