@@ -154,3 +154,12 @@ def test_on_a_corner_of_the_edge_the_gradient_is_finite():
     corner = lanes.graph.right[0, 0] + jnp.asarray([CAR.length, CAR.width]) / 2
     slope = jax.jit(jax.grad(lambda at: margin(lanes, jnp.int32(0), at, jnp.zeros(()), as_arrays(CAR))))
     assert np.all(np.isfinite(slope(corner)))
+
+
+def test_a_gap_before_the_next_lane_belongs_to_the_road():
+    graph = ROADS["two-way"]()
+    gap = jnp.zeros_like(graph.centre).at[0, -1, 0].set(-0.3)
+    lanes = roads.from_graph(graph.replace(left=graph.left + gap, right=graph.right + gap))
+    over = graph.centre[0, -1] + jnp.asarray([0.0, -0.2])
+    measured = jax.jit(margin)(lanes, jnp.int32(0), over, jnp.zeros(()), as_arrays(CAR))
+    np.testing.assert_allclose(measured, (SHORT.lane_width - CAR.width) / 2 - 0.2, atol=0.01)

@@ -15,6 +15,7 @@ from urbanjax.roadmap.graph import RoadGraph
 PARTS = 8  # of a link, each with a list of edges of its own
 NEAREST = 64  # edges in such a list
 SEAM = 0.05  # m, a gap between lanes up to which the road goes on
+BRIDGE = 1.0  # m, a gap between a lane and the next one up to which the road goes on
 SAGITTA = 0.01  # m, by which an edge may cut a bend
 LONGEST = 12.0  # m, of an edge, where the map's points permit
 SHORTEST = 0.01  # m, of what is left of one
@@ -68,18 +69,22 @@ def edge_distance(rows: Float[Array, "k 8"], points: Float[Array, "m 2"]) -> Flo
 def _outline(graph: RoadGraph) -> tuple[np.ndarray, np.ndarray]:
     """The sides of all lanes [N, 2, 2] m, the lane on their left, and the triangles [M, 3, 2] m that lanes consist of.
 
-    Of the points of a lane only as many are kept as its shape asks for.
+    Of the points of a lane only as many are kept as its shape asks for. A gap before the next lane is bridged.
     """
     valid = np.asarray(graph.valid)
-    borders = np.stack([np.asarray(x, float)[valid] for x in (graph.left, graph.right)], axis=1)
-    last = borders.shape[2] - 1
+    borders = np.stack([np.asarray(x, float) for x in (graph.left, graph.right)], axis=1)
+    link, branch = np.nonzero(np.asarray(graph.has_successor) & valid[:, None])
+    bridges = np.stack([borders[link, :, -1], borders[np.asarray(graph.successor)[link, branch], :, 0]], axis=2)
+    strips = [bridges[np.linalg.norm(bridges[:, :, 1] - bridges[:, :, 0], axis=-1).max(1) < BRIDGE]]
+    borders, last, done = borders[valid], borders.shape[2] - 1, np.zeros(valid.sum(), bool)
     fewest = np.ceil(np.asarray(graph.length, float)[valid] / LONGEST)
-    sides, triangles, done = [], [], np.zeros(len(borders), bool)
     for pieces in sorted({min(2**i, last) for i in range(last.bit_length() + 1)}):
         knots = np.round(np.linspace(0, last, pieces + 1)).astype(int)
         fits = (pieces >= fewest) & (_sagitta(borders, knots) < SAGITTA) if pieces < last else np.ones_like(done)
-        left, right = np.moveaxis(borders[fits & ~done][:, :, knots], 1, 0)
+        strips.append(borders[fits & ~done][:, :, knots])
         done |= fits
+    sides, triangles = [], []
+    for left, right in (np.moveaxis(strip, 1, 0) for strip in strips):
         ends = [(left[:, :1], right[:, :1]), (right[:, -1:], left[:, -1:])]
         for a, b in [(right[:, :-1], right[:, 1:]), (left[:, 1:], left[:, :-1]), *ends]:
             sides.append(np.stack([a, b], axis=2).reshape(-1, 2, 2))
