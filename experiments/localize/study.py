@@ -10,7 +10,7 @@ from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.types import POSITIVE, Unread, field, pytree, static
 
 # What odometry on a folder has no use for, and what a map that is there already was made with.
-LOCALIZER = ("sliding", "align", "health", "covariance_scale", "drift", "start", "fallback")
+LOCALIZER = ("sliding", "align", "health", "drift", "start", "fallback")
 DRIVEN = (
     *(f"localizer.{name}" for name in LOCALIZER),
     *("search", "world", "faults", "loop", "output_rate", "give_up", "scans", "map", "seed"),

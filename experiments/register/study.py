@@ -11,9 +11,7 @@ from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.types import Unread, pytree, static
 
 # Parts of the localizer that nothing here is about.
-LOCATED = tuple(
-    f"localizer.{name}" for name in ("odometry", "health", "covariance_scale", "drift", "start", "fallback")
-)
+LOCATED = tuple(f"localizer.{name}" for name in ("odometry", "health", "drift", "start", "fallback"))
 
 
 @pytree

@@ -127,7 +127,7 @@ def test_a_threshold_is_judged_by_what_it_finds_and_refuses():
     ("changes", "said"),
     [
         ({"channels": (64, 129)}, "128 rings"),
-        ({"voxel": (0.0,)}, "factorial.voxel"),
+        ({"voxel": (0.0,)}, "voxel is 0.0"),
         ({"iterations": (32, 10)}, "must rise"),
     ],
 )
