@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import soft
-from urbanjax.types import SHARE, Decision, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, Decision, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 
 ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
@@ -22,8 +22,10 @@ class TSPSParams:
     standing_speed: float = 0.3  # m/s, below which the vehicle stands
     stuck_time: float = 3.0  # s, after which a standing vehicle is stuck
     signal_distance: float = 30.0  # m, to the stop line, within which the turn beyond it counts
-    queue_distance: float = 150.0  # m, to the stop line, within which one who stands may be in its queue
-    queue_start: float = 4.0  # m/s, at which vehicles in a queue come to start after green, from the line backwards
+    # m, to the stop line, within which one who stands may be in its queue
+    queue_distance: float = field(default=150.0, metadata=POSITIVE)
+    # m/s, at which vehicles in a queue come to start after green, from the line backwards
+    queue_start: float = field(default=4.0, metadata=POSITIVE)
     yellow_deceleration: float = 3.5  # m/s^2, beyond which one does not stop at yellow any more
     yellow_reaction: float = 0.3  # s
     line_passed: float = 1.0  # m behind the front bumper, up to which a stop line is still the next one

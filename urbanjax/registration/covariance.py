@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from urbanjax.registration.linear import System, isotropic, scatter
 from urbanjax.registration.points import PointCloud
-from urbanjax.types import pytree
+from urbanjax.types import POSITIVE, field, pytree
 
 LEAST = 1e-6  # of information in units of the prior's, below which it counts as this much
 RIDGE = 1e-9  # likewise of the scatter: without pairs nothing divides by 0
@@ -18,10 +18,12 @@ ALIKE = 0.1  # of the variance that equal residuals would have, below which that
 class CovarianceParams:
     """What the covariance is calibrated with; scale and share are fitted to the errors of vgicp in synthetic worlds."""
 
-    scale: float = 4.0  # s^2, variance over that of independent pairs: those of a voxel share its error
+    # s^2, variance over that of independent pairs: those of a voxel share its error
+    scale: float = field(default=4.0, metadata=POSITIVE)
     share: float = 0.02  # of what its pairs say, up to which a direction has no evidence
-    prior_rotation: float = 0.03  # rad, standard deviation of the start, and of the answer where there is no evidence
-    prior_translation: float = 0.3  # m, likewise
+    # rad, standard deviation of the start, and of the answer where there is no evidence
+    prior_rotation: float = field(default=0.03, metadata=POSITIVE)
+    prior_translation: float = field(default=0.3, metadata=POSITIVE)  # m, likewise
     floor_rotation: float = 2e-4  # rad, standard deviation of the map's own error, which is in every answer
     floor_translation: float = 2e-3  # m, likewise
 

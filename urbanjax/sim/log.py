@@ -69,7 +69,7 @@ def record(
 
 
 def _outline(heading: Array, centre: Array, vehicle: VehicleParams, rows: Array) -> Array:
-    """Points [m, 2] of the ego's outline: along both sides, and the one nearest to where an edge of the road begins."""
+    """Points [M, 2] m of the ego's outline: all around, and the one nearest to where an edge of the road begins."""
     ahead = jnp.stack([jnp.cos(heading), jnp.sin(heading)])
     frame = jnp.stack([ahead, jnp.stack([-ahead[1], ahead[0]])])  # world to ego
     half = 0.5 * jnp.stack([jnp.asarray(x, heading.dtype) for x in (vehicle.length, vehicle.width)])

@@ -11,7 +11,7 @@ from urbanjax.types import VehicleState
 from urbanjax.vehicle.params import VehicleParams
 
 BOX = VehicleParams(length=5.0, width=2.0)  # highway-env's vehicles
-SHARE = 16  # drives that meet 1 to 16, 17 to 32, ... vehicles share one compiled program
+BUCKET = 16  # drives that meet 1 to 16, 17 to 32, ... vehicles share one compiled program
 
 
 def time_to_collision(episode: Episode, steps: int | None = None) -> np.ndarray:
@@ -35,7 +35,7 @@ def _log(episode: Episode, steps: int) -> Log:
 
     The last sample is repeated up to `steps`; vehicles that are not there fill up the others.
     """
-    more = -episode.others.valid.shape[1] % SHARE
+    more = -episode.others.valid.shape[1] % BUCKET
 
     def padded(values: np.ndarray) -> jax.Array:
         return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], steps - len(values), axis=0)]))

@@ -17,10 +17,8 @@ DEFAULT_LIMIT = 30.0  # m/s, where a lane has none (highway-env's highways)
 FLIP = np.array([1.0, -1.0])
 JOIN = 1.5  # m, between lanes that go on into each other
 TOUCH = 0.05  # m, between lanes that do so even round a corner (roundabout-generic-v0)
-BENT, BENT_BRIDGE = (
-    0.75,
-    1.2,
-)  # rad, largest change of heading into a lane that goes on, and at a corner or beyond a hole
+BENT = 0.75  # rad, largest change of heading into a lane that goes on
+BENT_BRIDGE = 1.2  # rad, likewise at a corner or beyond a hole
 BRIDGE = 12.0  # m, longest hole in a road that is bridged by a link of its own
 STRIP = 0.05  # m of no road between two lanes that a change may cross
 BLEND = 10.0  # m, over which the end of a lane is led onto its successor
