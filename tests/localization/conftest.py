@@ -16,7 +16,7 @@ from urbanjax.registration.voxelmap import CutParams
 from urbanjax.roadmap.builders import straight
 from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenery.scenery import furnish
-from urbanjax.types import Observation, Odometry, VehicleState, as_arrays
+from urbanjax.types import LaneOffset, Observation, Odometry, VehicleState, as_arrays
 
 SENSOR = LidarParams(pattern="vlp_16", columns=256, nearby=48, noise=0.02, dropout=0.05, max_range=60.0)
 LOCALIZER = LidarLocalizerParams(
@@ -27,6 +27,10 @@ LOCALIZER = LidarLocalizerParams(
     odometry=OdometryParams(map=MapParams(shape=(128, 128, 16)), keyframes=3),
 )
 PERIOD = 0.1
+
+
+def lane_offset(offset: float, valid: bool, age: float) -> LaneOffset:
+    return LaneOffset(jnp.array(offset, float), jnp.array(valid), jnp.array(age, float))
 
 
 class Street:
@@ -47,8 +51,8 @@ class Street:
         zero = jnp.zeros(())
         return VehicleState(jnp.array([x, y]), zero + heading, zero + speed, zero, zero)
 
-    def observe(self, ego: VehicleState, seed: int, lost: bool = False, lane_offset=None) -> Observation:
-        """What the localizer sees there."""
+    def observe(self, ego: VehicleState, seed: int, lost: bool = False, lane=(0.0, False, 0.0)) -> Observation:
+        """What the localizer sees there. Args: lane, a LaneOffset's fields: none is seen unless said."""
         zero = jnp.zeros(())
         scan = self._sweep(
             self.sensor, self.surroundings, vehicles=None, ego=ego, yaw_rate=zero, key=jax.random.key(seed)
@@ -56,7 +60,7 @@ class Street:
         scan = scan.replace(valid=scan.valid & (not lost))
         odometry = Odometry(ego.speed, zero, zero, zero)
         nothing = {"objects": None, "signals": None}
-        return Observation(odometry=odometry, scan=scan, lane_offset=lane_offset, **nothing)
+        return Observation(odometry=odometry, scan=scan, lane_offset=lane_offset(*lane), **nothing)
 
     def _mapped(self):
         for k, x in enumerate(range(10, 190, 4)):

@@ -6,8 +6,8 @@ import jaxlie
 import numpy as np
 import pytest
 
-from tests.localization.conftest import PERIOD
-from urbanjax.localization import lidar
+from tests.localization.conftest import PERIOD, lane_offset
+from urbanjax.localization import lidar, motion
 from urbanjax.localization.types import Health, Sign
 from urbanjax.registration import voxelmap
 from urbanjax.types import ScenarioError
@@ -99,12 +99,38 @@ def test_held_in_the_lane_that_the_camera_sees(street, drive):
     graph, pose = street.graph, drive.states[5].T_map_body
     seen = jnp.asarray(0.4)
     off_lane, keep = jax.jit(lidar.off_lane), jax.jit(lidar._keep_lane)
-    aside = off_lane(graph, pose, seen=seen)
+    aside = off_lane(graph, pose, expected=seen)
     kept = keep(graph, pose, aside, jnp.asarray(True))
-    assert abs(float(off_lane(graph, kept, seen=seen))) < 1e-4
+    assert abs(float(off_lane(graph, kept, expected=seen))) < 1e-4
     assert abs(float(kept.translation()[0] - pose.translation()[0])) < 1e-4
     left_alone = keep(graph, pose, aside, jnp.asarray(False))
     np.testing.assert_array_equal(left_alone.parameters(), pose.parameters())
+
+
+@pytest.mark.parametrize(
+    ("offset", "valid", "age", "known"),
+    [
+        (0.4, True, 0.0, True),
+        (0.4, True, 0.5, True),
+        (0.4, False, 0.0, False),
+        (0.4, True, 0.6, False),
+        (0.4, True, np.nan, False),
+        (np.nan, True, 0.0, False),
+    ],
+)
+def test_a_lane_offset_that_is_lost_or_old_is_not_known(street, drive, offset, valid, age, known):
+    """Only where the lane is known is the vehicle held in it; otherwise the pose is searched for."""
+    assert bool(lane_offset(offset, valid, age).known(street.localizer.health.lane_age)) == known
+    lost = street.observe(street.ego(65.0), 5, lost=True, lane=(offset, valid, age))
+    monitor = drive.states[5].monitor
+    long = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32), failing=jnp.asarray(5.0))
+    state = drive.states[5].replace(monitor=long)
+    located, _ = street.step(street.localizer, street.map, street.graph, state, lost)
+    assert int(located.health) == (Health.LANE if known else Health.RELOCALIZE)
+    aside = lidar.off_lane(street.graph, motion.spatial(located.pose), expected=0.0)
+    predicted = lidar.off_lane(street.graph, located.info.T_map_predicted, expected=0.0)
+    np.testing.assert_allclose(aside, 0.4 if known else predicted, atol=1e-3)
+    assert np.all(np.isfinite(located.info.signs))
 
 
 def test_pose_follows_the_map_by_gradient(street, drive):

@@ -29,6 +29,7 @@ class HealthParams:
     growth: float = 0.3  # m per s without registration, by which the innovation may be larger
     spread: float = 0.3  # m between the ends from several starts
     off_lane: float = 2.5  # m from the nearest lane's centre, or from the offset that the camera sees
+    lane_age: float = 0.5  # s, after which a lane offset that the camera saw is not known any more
     doubt: float = 0.7  # of a sign, above which a registration does not end a failure unless the pose was searched for
     predict_time: float = 3.0  # s without registration, for which odometry is trusted
     lane_time: float = 20.0  # s, for which it is trusted where the camera sees the lane

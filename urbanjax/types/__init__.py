@@ -11,7 +11,7 @@ from urbanjax.types.errors import (
 )
 from urbanjax.types.limits import POSITIVE, SHARE
 from urbanjax.types.objects import Objects, Prediction
-from urbanjax.types.observation import Observation
+from urbanjax.types.observation import LaneOffset, Observation
 from urbanjax.types.path import Path
 from urbanjax.types.scan import Mount, Scan
 from urbanjax.types.signals import Signals, SignalState
@@ -30,6 +30,7 @@ __all__ = [
     "ConfigError",
     "Decision",
     "FileError",
+    "LaneOffset",
     "Mount",
     "Objects",
     "Observation",

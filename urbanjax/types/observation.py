@@ -1,5 +1,6 @@
 """What the stack is told at each step. Fields that a variant does not use are None."""
 
+import jax.numpy as jnp
 import jaxlie
 from jax import Array
 
@@ -11,6 +12,19 @@ from urbanjax.types.struct import pytree
 
 
 @pytree
+class LaneOffset:
+    """Where a camera saw the vehicle in its lane: what is not valid or too old is not known."""
+
+    offset: Array  # [] m, of the vehicle from the lane's centre, left positive
+    valid: Array  # [] bool, the lane was seen
+    age: Array  # [] s, since then
+
+    def known(self, longest: float | Array) -> Array:
+        """Whether it may be acted upon, [] bool. Args: longest [] s, age up to which it counts."""
+        return self.valid & jnp.isfinite(self.offset) & (self.age <= longest)
+
+
+@pytree
 class Observation:
     """One step's input: a pose or a scan, odometry, objects and signals."""
 
@@ -19,4 +33,4 @@ class Observation:
     signals: Signals
     pose: jaxlie.SE2 | None = None  # T_world_body, rear axle
     scan: Scan | None = None  # stamped now
-    lane_offset: Array | None = None  # [] m, seen offset from the lane centre, left positive
+    lane_offset: LaneOffset | None = None
