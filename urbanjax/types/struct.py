@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax.types import limits
+from urbanjax.types.fields_doc import FieldsDoc
 
 T = TypeVar("T")
 
@@ -38,11 +39,13 @@ def pytree(cls: type[T]) -> type[T]:
 
     What a field states of its values (metadata `choices` and `range`, see `types.limits`) is checked when one is made
     or replaced. JAX puts a tree together around that: its leaves may be tracers, axes, gradients or placeholders.
-    For the same reason fields are exempt from run-time type checks; shapes are stated in comments beside them.
+    For the same reason fields are exempt from run-time type checks; shapes are stated in comments beside them, which
+    `help()` shows.
     Args: cls, a class with annotated fields.
     """
     made: Any = dataclasses.dataclass(frozen=True)(cls)
     made.replace = dataclasses.replace
+    made.__doc__ = FieldsDoc(made.__doc__)
     stated = limits.stated_limits(made)
     if stated:
         made.__init__ = _checked(made.__init__, stated)
