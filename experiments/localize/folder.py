@@ -16,21 +16,26 @@ from urbanjax.io.figures.style import BAD, GOOD, figure
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
 from urbanjax.localization import odometry
-from urbanjax.registration import PointCloud
+from urbanjax.registration.downsample import voxels
+from urbanjax.registration.register import size
 from urbanjax.types import FileError, as_arrays
 
-CAPACITY = 131_072  # points of a scan
+LOOKED_AT = 16  # scans that the capacity of all is chosen from, where none is set
+SPARE = 1.25  # of what the fullest of them needs
 
 
 def study(params: LocalizeStudy, run: Run) -> report.Section:
     """Odometry over all scans of the folder, written as KITTI poses; with known poses also its errors."""
     files = scans_in(Path(params.folder))
     truth = _truth(params, len(files))
+    capacity = params.localizer.preprocess.downsample.capacity or capacity_for(params, files)
     with progress.bar("odometry") as tick:
-        poses, rows = drive(params, files, lambda k: tick(files[k].name, k / len(files)))
+        poses, rows = drive(params, files, capacity, lambda k: tick(files[k].name, k / len(files)))
     write_kitti(run.path("poses.txt"), poses)
     columns: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     run.summary({"scans": len(files), "way_m": way(poses)[-1], "step_median_ms": np.median(columns["step [ms]"][1:])})
+    lost = dropped(columns["dropped voxels"], capacity)
+    run.summary({"capacity": capacity, "dropped_voxels": sum(columns["dropped voxels"])})
     if truth is not None:
         away = np.linalg.inv(truth) @ poses
         columns["error [m]"] = np.linalg.norm(away[:, :3, 3], axis=1).tolist()
@@ -38,7 +43,10 @@ def study(params: LocalizeStudy, run: Run) -> report.Section:
     run.table("scans", columns)
     progress.show_table("odometry", {name: values[-10:] for name, values in columns.items()})
     _draw(poses, truth, run.path("odometry.png"))
+    if lost:
+        print(f"Warning: {lost}")
     text = [f"{len(files)} scans, {way(poses)[-1]:.1f} m. Poses are written to poses.txt in KITTI format."]
+    text += [lost] if lost else []
     items = [report.Picture("The way, from above.", run.path("odometry.png")), report.Table("Scan by scan.", columns)]
     return report.Section(f"Odometry on {Path(params.folder).name}", text, items)
 
@@ -53,30 +61,59 @@ def scans_in(folder: Path) -> list[Path]:
     return files
 
 
-def drive(params: LocalizeStudy, files: list[Path], tick: Any = lambda k: None) -> tuple[np.ndarray, list[dict]]:
-    """Poses [T, 4, 4] from the first scan on, and what happened scan by scan; the last motion predicts the next."""
+def capacity_for(params: LocalizeStudy, files: list[Path]) -> int:
+    """Points that a thinned scan needs, and some to spare, by a look at a few of the scans."""
+    chosen = np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int))
+    resolution = float(params.localizer.preprocess.downsample.resolution)
+    return size(int(SPARE * max(voxels(_near(params, files[k]), resolution) for k in chosen)))
+
+
+def dropped(counts: list[int], capacity: int) -> str:
+    """One sentence on scans that lost voxels; empty if none did. Args: counts, voxels without a place by scan."""
+    if not sum(counts):
+        return ""
+    return (
+        f"{np.count_nonzero(counts)} of {len(counts)} scans have more voxels than localizer.preprocess.downsample."
+        f"capacity={capacity}, up to {max(counts)} more; what found no place was left out: raise it, or leave it out."
+    )
+
+
+def _near(params: LocalizeStudy, file: Path) -> np.ndarray:
+    """The points of a scan that are looked at."""
+    points = pointclouds.read(file)
+    return points[np.hypot(points[:, 0], points[:, 1]) < float(params.localizer.sensing_radius)]
+
+
+def drive(
+    params: LocalizeStudy, files: list[Path], capacity: int, tick: Any = lambda k: None
+) -> tuple[np.ndarray, list[dict]]:
+    """Poses [T, 4, 4] from the first scan on, and what happened scan by scan; the last motion predicts the next.
+
+    Args: capacity, points of a thinned scan.
+    """
     localizer = as_arrays(params.localizer)
-    capacity = params.localizer.preprocess.downsample.capacity
+    thinning = localizer.preprocess.downsample.replace(capacity=capacity)
+    preparation = localizer.preprocess.replace(downsample=thinning)
     prepare, step = jax.jit(registration.preprocess), jax.jit(odometry.step)
     state = odometry.init(localizer.odometry, capacity)
     motion = jaxlie.SE3.identity()
     poses, rows = [], []
     for k, file in enumerate(files):
-        points = pointclouds.read(file)
-        points = points[np.hypot(points[:, 0], points[:, 1]) < float(params.localizer.sensing_radius)]
-        padded = registration.padded(points, CAPACITY)
+        points = _near(params, file)
+        padded = registration.padded(points, size(len(points)))
 
         def one(padded: tuple = padded, state: Any = state, motion: Any = motion) -> Any:
-            cloud: PointCloud = prepare(*padded, params=localizer.preprocess)[0]
-            return cloud, *step(localizer.odometry, state, cloud, motion)
+            cloud, info = prepare(*padded, params=preparation)
+            return cloud, info, *step(localizer.odometry, state, cloud, motion)
 
-        seconds, (cloud, state, found) = timing.timed(one)
+        seconds, (cloud, info, state, found) = timing.timed(one)
         motion = found.T_before_after
         poses.append(np.asarray(odometry.travelled(state).as_matrix(), float))
         rows.append(
             {
                 "scan": file.name,
                 "points": int(cloud.valid.sum()),
+                "dropped voxels": int(info.dropped),
                 "fits": bool(found.tracked) or k == 0,
                 "inlier share": float(found.alignment.inlier_share),
                 "iterations": int(found.alignment.iterations),

@@ -18,6 +18,10 @@ STATED = (
     "yaw rate with bias and noise; a map made from a drive of its own, with errors of its poses. Coverage is the share "
     "of scans with an error below 0.5 m."
 )
+DROPPED = (
+    "Up to {scan} voxels of a scan and {window} of the map's window found no place and were left out: raise "
+    "localizer.preprocess.downsample.capacity, or localizer.sliding.cut.capacity."
+)
 
 
 def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section, dict[str, LocalizedTrack]]:
@@ -29,6 +33,12 @@ def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section
     run.table("table2", rows)
     outputs = methods.between_scans(world, tracks["proposed"], float(study.output_rate), period)
     run.summary(methods.summary(found, period))
+    scan, window = np.max([track.rows.dropped.max(0) for track in tracks.values()], axis=0).tolist()
+    run.summary({"most_dropped_voxels_of_a_scan": scan, "most_dropped_voxels_of_a_window": window})
+    text = [STATED]
+    if scan or window:
+        text.append(DROPPED.format(scan=scan, window=window))
+        print(f"Warning: {text[-1]}")
     run.summary({"output_rate_hz": float(study.output_rate), "output_mean_error_m": float(outputs.mean())})
     shown = methods.as_printed(rows)
     progress.show_table("Table II", shown)
@@ -39,7 +49,7 @@ def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section
         report.Picture("Paths over the point-cloud map, as in Fig. 7.", run.path("fig7.png")),
         report.Picture("Along the drive.", run.path("errors.png")),
     ]
-    return report.Section("Localization over the whole course", [STATED], items), tracks
+    return report.Section("Localization over the whole course", text, items), tracks
 
 
 def failures(study: LocalizeStudy, world: World, tracks: dict[str, LocalizedTrack], run: Run) -> report.Section:

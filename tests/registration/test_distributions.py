@@ -41,5 +41,7 @@ def test_points_outside_the_window_and_invalid_ones_are_left_out(pair, build_jit
     some = target.replace(valid=target.valid.at[::2].set(False))
     world = build_jit(some, as_arrays(MAP))
     assert float(world.rows[:-1, 9].sum()) == int(some.valid.sum())
+    assert int(world.left_out) == 0
     outside = build_jit(target, as_arrays(MAP), centre=jnp.array([1e4, 0.0, 0.0]))
     assert float(outside.rows[:-1, 9].sum()) == 0
+    assert int(outside.left_out) == int(target.valid.sum())

@@ -8,7 +8,7 @@ import pytest
 from tests.registration.conftest import courtyard
 from urbanjax import registration
 from urbanjax.registration import cells
-from urbanjax.registration.downsample import DownsampleParams, downsample
+from urbanjax.registration.downsample import DownsampleParams, downsample, voxels
 from urbanjax.registration.features import FeatureParams, features
 from urbanjax.types import CloudError, as_arrays
 
@@ -33,7 +33,7 @@ def test_voxel_means_equal_numpy():
     expected = voxel_means(points, 2.0)
     found = np.asarray(cloud.position).T[np.asarray(cloud.valid)]
     assert int(dropped) == 0
-    assert len(found) == len(expected)
+    assert len(found) == len(expected) == voxels(points, 2.0)
     np.testing.assert_allclose(ordered(found), ordered(expected), atol=1e-4)
 
 
@@ -45,6 +45,13 @@ def test_what_does_not_fit_is_counted_and_what_is_not_finite_does_not_count():
     assert int(cloud.valid.sum()) == 16
     assert int(dropped) == len(voxel_means(points[10:], 2.0)) - 16
     assert np.isfinite(np.asarray(cloud.position)).all()
+
+
+def test_without_a_capacity_nothing_is_dropped():
+    points = courtyard(500, 0, noise=0.3)
+    params = as_arrays(DownsampleParams(resolution=1e-3))
+    cloud, dropped = downsample_jit(jnp.asarray(points), jnp.ones(500, bool), params=params)
+    assert (int(dropped), int(cloud.valid.sum())) == (0, voxels(points, 1e-3)) == (0, 500)
 
 
 @pytest.mark.parametrize("alike", [False, True])  # whatever the hash does, even if it is the same for all

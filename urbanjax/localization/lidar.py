@@ -33,6 +33,7 @@ from urbanjax.types import HANDED_DOWN, Observation, Scan, ScenarioError, field,
 
 STARTS = ("predict_on_failure", "always_predict", "previous")
 PLANE = (3, 4, 2)  # x, y and heading among a twist's [omega; v]
+CAPACITY = 8192  # points of a thinned scan, where none is set
 SUSPICIOUS = 0.7  # of a sign, from which on other starts are tried
 MARGIN = 2.0  # m, of the map's window beyond the points of the scan
 AXLE_HEIGHT = 0.33  # m, of the centre of the rear axle, the body frame, above the ground
@@ -50,7 +51,7 @@ class LidarLocalizerParams:
     )  # of the LiDAR: x, y, z (m) above the ground, yaw (rad)
     period: float = field(default=None, metadata=HANDED_DOWN)  # s, between two steps
     preprocess: PreprocessParams = PreprocessParams(
-        downsample=DownsampleParams(resolution=0.8, capacity=8192), features=FeatureParams(edges=True)
+        downsample=DownsampleParams(resolution=0.8), features=FeatureParams(edges=True)
     )
     sensing_radius: float = 100.0  # m in the plane, beyond which points of a scan are too sparse to help (Table I)
     sliding: SlidingParams = SlidingParams()
@@ -64,6 +65,17 @@ class LidarLocalizerParams:
     drift: float = 0.01  # standard deviation that odometry adds in 1 m: so many m, and a tenth of it in rad
     start: str = static(default="always_predict", metadata={"choices": STARTS})  # of a registration (Eq. 9-10)
     fallback: bool = static(default=True)  # the prediction replaces a failed registration
+
+    @property
+    def capacity(self) -> int:
+        """Points of a thinned scan: known before the first one, whatever it holds."""
+        stated = self.preprocess.downsample.capacity
+        return CAPACITY if stated is None else stated
+
+    @property
+    def sized(self) -> PreprocessParams:
+        """How a scan is prepared, with that capacity."""
+        return self.preprocess.replace(downsample=self.preprocess.downsample.replace(capacity=self.capacity))
 
 
 @pytree
@@ -98,7 +110,7 @@ def init(params: LidarLocalizerParams, T_map_body: jaxlie.SE2) -> LidarState:
     return LidarState(
         T_map_body=motion.spatial(T_map_body),
         covariance=jnp.diag(jnp.array(START_COVARIANCE, dtype)),
-        odometry=odometry.init(params.odometry, params.preprocess.downsample.capacity, dtype),
+        odometry=odometry.init(params.odometry, params.capacity, dtype),
         monitor=health.init(dtype),
         started=jnp.asarray(False),
     )
@@ -127,7 +139,7 @@ def cloud_of(params: LidarLocalizerParams, observation: Observation) -> tuple[Po
 
     Args: observation, with a scan and odometry.
     """
-    cloud, info = preprocess(*points_of(params, observation), params=params.preprocess)
+    cloud, info = preprocess(*points_of(params, observation), params=params.sized)
     return cloud, info.dropped
 
 
@@ -138,7 +150,7 @@ def step(
 
     Raises ScenarioError (when traced) if the observation has no scan. Args: world, the point-cloud map; graph, the road
     graph, for the lane that an observed lane offset belongs to (None: no lane is known); state, of the step before;
-    observation, with scan and odometry, and the lane offset if there is one.
+    observation, with scan and odometry, and the lane offset if there is a camera.
     """
     with jax.named_scope("preprocess"):
         cloud, dropped = cloud_of(params, observation)
@@ -154,7 +166,13 @@ def step(
     with jax.named_scope("registration"):
         found = align(cloud, target, start=_start(params, state, T_map_predicted), params=params.align)
     with jax.named_scope("health"):
-        aside = off_lane(graph, T_map_predicted if params.fallback else found.pose, seen=observation.lane_offset)
+        lane = observation.lane_offset
+        has_lane = jnp.asarray(False) if lane is None or graph is None else lane.known(params.health.lane_age)
+        aside = off_lane(
+            graph,
+            T_map_predicted if params.fallback else found.pose,
+            expected=0.0 if lane is None else jnp.where(has_lane, lane.offset, 0.0),
+        )
         signs = health.signs(
             found,
             T_map_predicted,
@@ -166,7 +184,6 @@ def step(
         signs = _with_spread(params, signs, cloud, target, found)
         score = jnp.max(signs)
         failed, adrift = score > 1, seen & ~odometer.tracked
-        has_lane = jnp.asarray(observation.lane_offset is not None and graph is not None)
         monitor = health.advance(
             state.monitor, score, adrift=adrift, has_lane=has_lane, period=params.period, params=params.health
         )
@@ -229,18 +246,17 @@ def _with_spread(
     return signs.at[Sign.SPREAD].set(value / params.health.spread)
 
 
-def off_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, *, seen: Array | None) -> Float[Array, ""]:
-    """How far the pose is left of where it should be [m]: of the offset that the camera sees, else of its lane.
+def off_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, *, expected: Array | float) -> Float[Array, ""]:
+    """How far the pose is left of where it should be in its lane [m].
 
-    The alarm of the paper's resilience: 0 without a road graph. Args: graph, the road graph or None; T_map_body; seen
-    [] m, the offset that the camera sees, or None.
+    The alarm of the paper's resilience: 0 without a road graph. Args: graph, the road graph or None; T_map_body;
+    expected [] m, the offset from the lane's centre that the camera saw, or 0 where it is not known.
     """
     if graph is None:
         return jnp.zeros((), T_map_body.translation().dtype)
     flat = motion.planar(T_map_body)
     lane = locate(graph, flat.translation()[None], heading=flat.rotation().as_radians()[None])
-    offset = lane.offset[0]
-    return offset - (jnp.zeros_like(offset) if seen is None else seen)
+    return lane.offset[0] - expected
 
 
 def _keep_lane(graph: RoadGraph | None, T_map_body: jaxlie.SE3, aside: Array, keeps: Array) -> jaxlie.SE3:

@@ -6,6 +6,7 @@ from urbanjax.registration.degeneracy import Degeneracy, DegeneracyParams, degen
 from urbanjax.registration.distributions import DistributionMap, MapParams, build
 from urbanjax.registration.points import PointCloud, cloud, padded
 from urbanjax.registration.preprocess import Preprocessing, PreprocessParams, preprocess
+from urbanjax.registration.register import DroppedPointsWarning, Registration, register
 
 __all__ = [
     "AlignParams",
@@ -14,10 +15,12 @@ __all__ = [
     "Degeneracy",
     "DegeneracyParams",
     "DistributionMap",
+    "DroppedPointsWarning",
     "MapParams",
     "PointCloud",
     "PreprocessParams",
     "Preprocessing",
+    "Registration",
     "align",
     "align_starts",
     "build",
@@ -25,4 +28,5 @@ __all__ = [
     "degeneracy",
     "padded",
     "preprocess",
+    "register",
 ]

@@ -35,13 +35,13 @@ class DistributionMap:
     table: Array  # [X * Y * Z] int32, number of the voxel's distribution; V where there is none
     rows: Array  # [V + 1, 10] mean (3) in m from the origin, covariance (6), number of points; the last is nothing
     lists: Array | None = None  # [V + 1, S] int32, rows of a voxel's points; V where there are no more (gicp only)
-    left_out: Array | None = None  # [] points of the window for which their voxel had no place (gicp only)
+    left_out: Array | None = None  # [] points outside the window, or for which their voxel had no place
     shape: tuple[int, int, int] = static(default=(1, 1, 1))
     method: str = static(default="vgicp")
 
 
 def build(points: PointCloud, params: MapParams, *, centre: Float[Array, "3"] | None = None) -> DistributionMap:
-    """The map of a cloud in the map frame; points outside the window are left out.
+    """The map of a cloud in the map frame; points outside the window are left out, and counted.
 
     `vgicp`: mean of the points and mean of their covariances; `ndt`: mean and scatter of the points, with its small
     eigenvalues raised; `gicp`: each point with its own covariance. Args: points, the cloud in the map frame; centre [3]
@@ -57,7 +57,7 @@ def build(points: PointCloud, params: MapParams, *, centre: Float[Array, "3"] | 
     away = points.position - origin[:, None]
     cell = cell_of(away, size)
     kept = points.valid & within(cell, params.shape)
-    n = away.shape[1]
+    n, outside = away.shape[1], jnp.sum(points.valid & ~kept, dtype=jnp.int32)
     place = jnp.where(kept, index_of(cell, params.shape), 0)
     # The first point of a voxel gives its distribution the number: no sorting.
     cells = params.shape[0] * params.shape[1] * params.shape[2]
@@ -66,10 +66,12 @@ def build(points: PointCloud, params: MapParams, *, centre: Float[Array, "3"] | 
     if params.method == "gicp":
         rows = jnp.concatenate([away, points.covariance, jnp.ones((1, n), dtype)])
         rows = jnp.pad(jnp.where(kept[None], rows, 0).T, ((0, 1), (0, 0)))
-        lists, left_out = _listed(slot, kept, params.per_voxel)
-        return DistributionMap(origin, size, table, rows, lists, left_out, shape=params.shape, method=params.method)
+        lists, waiting = _listed(slot, kept, params.per_voxel)
+        return DistributionMap(
+            origin, size, table, rows, lists, outside + waiting, shape=params.shape, method=params.method
+        )
     rows = _gathered(points, away, cell, slot, params, size)
-    return DistributionMap(origin, size, table, rows, shape=params.shape, method=params.method)
+    return DistributionMap(origin, size, table, rows, left_out=outside, shape=params.shape, method=params.method)
 
 
 def _listed(slot: Int[Array, " n"], kept: Bool[Array, " n"], places: int) -> tuple[Int[Array, "m s"], Int[Array, ""]]:

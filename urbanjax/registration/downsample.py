@@ -1,6 +1,7 @@
 """Voxel down-sampling: one point for each occupied voxel, the mean of those in it."""
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
@@ -14,7 +15,19 @@ class DownsampleParams:
     """How coarse, and how many points there may be."""
 
     resolution: float = field(default=0.25, metadata=POSITIVE)  # m, edge of a voxel
-    capacity: int = static(default=8192)  # points of the result
+    # points of the result; None: as many as come in, so that none is lost
+    capacity: int | None = static(default=None)
+
+
+def voxels(points: np.ndarray, resolution: float) -> int:
+    """How many points `downsample` makes of some, on the host: the capacity that they need.
+
+    Args: points [N, 3] m, finite; resolution [m], edge of a voxel.
+    """
+    cell = np.floor(np.asarray(points, np.float32) / np.float32(resolution)).astype(np.int64)
+    cell -= cell.min(0)
+    _, y, z = (int(n) + 1 for n in cell.max(0))
+    return len(np.unique((cell[:, 0] * y + cell[:, 1]) * z + cell[:, 2]))
 
 
 def downsample(
@@ -25,7 +38,7 @@ def downsample(
     Voxels begin at multiples of the resolution. Points that are not finite do not count. Args: position [N, 3] m; valid
     [N] bool, the points that count.
     """
-    dtype, capacity = position.dtype, params.capacity
+    dtype, capacity = position.dtype, len(valid) if params.capacity is None else params.capacity
     valid = valid & jnp.all(jnp.isfinite(position), axis=1)
     position = jnp.where(valid[None], position.T, 0)
     cell = jnp.floor(position / params.resolution).astype(jnp.int32)

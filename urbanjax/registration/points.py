@@ -1,5 +1,8 @@
 """Point clouds of static capacity: structures of arrays, points last, so that arithmetic on them vectorises."""
 
+from typing import Any
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -19,6 +22,23 @@ class PointCloud:
     valid: Array  # [N] bool
 
 
+def checked(points: Any, name: str = "cloud") -> np.ndarray:
+    """The points as float64 [N, 3] (m), on the host.
+
+    Raises CloudError, with the name, for anything but finite points. Args: points [N, 3] m; name, for the message.
+    """
+    try:
+        points = np.asarray(points, np.float64)
+    except (TypeError, ValueError) as error:
+        raise CloudError(f"{name}: {type(points).__name__} is no array of points [N, 3]") from error
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        remedy = "transpose it" if points.ndim == 2 and points.shape[0] == 3 else "take x, y and z"
+        raise CloudError(f"{name} has the shape {points.shape}: points [N, 3] with N > 0 are needed; {remedy}")
+    if not np.isfinite(points).all():
+        raise CloudError(f"{name}: {int((~np.isfinite(points)).any(1).sum())} points are not finite: remove them")
+    return points
+
+
 def padded(
     points: np.ndarray, capacity: int, *, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -28,13 +48,9 @@ def padded(
     the host; capacity, points of the result; origin [m], taken off in double precision: map coordinates of many
     kilometres have no millimetres in float32.
     """
-    points = np.asarray(points, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise CloudError(f"a cloud of shape {points.shape} was given: points [N, 3] with N > 0 are needed")
+    points = checked(points)
     if len(points) > capacity:
         raise CloudError(f"{len(points)} points do not fit the capacity {capacity}: raise it, or thin them out first")
-    if not np.isfinite(points).all():
-        raise CloudError(f"{int((~np.isfinite(points)).any(1).sum())} points are not finite: remove them")
     out = np.zeros((capacity, 3), np.float32)
     out[: len(points)] = points - np.asarray(origin)
     return out, np.arange(capacity) < len(points)
@@ -46,12 +62,22 @@ def cloud(
     *,
     valid: Bool[Array, " n"] | None = None,
 ) -> PointCloud:
-    """A cloud of points with their covariances.
+    """A cloud of points with their covariances. Raises CloudError for shapes that are not those below.
+
+    Outside jit also for points that count and are not finite.
 
     Args: position [N, 3] m; covariance [N, 3, 3] m^2 (no unit where it is regularised), by default the identity; valid
     [N] bool, by default all.
     """
+    if jnp.ndim(position) != 2 or position.shape[1] != 3:
+        raise CloudError(f"position has the shape {jnp.shape(position)}: points [N, 3] are needed")
     n = position.shape[0]
+    for name, values, shape in (("covariance", covariance, (n, 3, 3)), ("valid", valid, (n,))):
+        if values is not None and jnp.shape(values) != shape:
+            raise CloudError(f"{name} has the shape {jnp.shape(values)}, and position {position.shape}: not {shape}")
+    counted = position if valid is None else jnp.where(valid[:, None], position, 0)
+    if not isinstance(counted, jax.core.Tracer) and not np.isfinite(counted).all():
+        raise CloudError("points that count are not finite: remove them, or set valid to False there")
     eye = jnp.broadcast_to(jnp.eye(3, dtype=position.dtype), (n, 3, 3))
     shape = eye if covariance is None else covariance
     there = jnp.ones(n, bool) if valid is None else valid
