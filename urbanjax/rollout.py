@@ -10,12 +10,13 @@ from jax import Array
 from urbanjax import stack
 from urbanjax.course import Course
 from urbanjax.sim import log, world
+from urbanjax.sim.checks import check_start
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
 from urbanjax.sim.world import Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, ConfigError, Unread, field, pytree
+from urbanjax.types import POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -92,10 +93,14 @@ def rollout(
     """Drive `n_steps` stack steps from `start`; returns the log and what `keep` keeps of the info, stacked over time.
 
     Pure: jit it with static `n_steps` and `keep`, vmap it over starts and parameters, differentiate it with respect to
-    parameters. Args: course, what the drive is about; lanes, the simulator's tables of its graph
+    parameters. Raises ScenarioError for a start that is not one run's, not finite or off the road: shapes always,
+    values outside jit. Args: course, what the drive is about; lanes, the simulator's tables of its graph
     (`sim.lanes.from_graph`); start, the world; n_steps, steps of the stack; keep, what is kept of the info
     of each step; sensing, for a stack that localizes itself from scans.
     """
+    check_start(lanes.graph, course.corridor, world=start)
+    if n_steps < 1:
+        raise ScenarioError(f"n_steps is {n_steps}: a rollout has at least one step")
     driver, sim = params.handed_down()
     course, relaxation = course.replace(graph=lanes.graph), driver.relaxation  # one graph in the program, not two
 

@@ -31,7 +31,7 @@ STEPS = 41
 def recording(rows, steps=STEPS, dt=0.1) -> Recording:
     """Vehicles (name, x, y, speed, first step, last step) that keep lane and speed, 4.8 m x 1.9 m."""
     t = np.arange(steps) * dt
-    position = np.array([np.stack([x + v * t, np.full(steps, y)], 1) for _, x, y, v, *_ in rows])
+    position = np.array([np.stack([x + v * t, np.full(steps, y)], 1) for _, x, y, v, *_ in rows]).transpose(1, 0, 2)
     count = len(rows)
     return Recording(
         dt=dt,
@@ -41,9 +41,9 @@ def recording(rows, steps=STEPS, dt=0.1) -> Recording:
         length=np.full(count, 4.8),
         width=np.full(count, 1.9),
         position=position,
-        heading=np.zeros((count, steps)),
-        speed=np.array([np.full(steps, row[3]) for row in rows]),
-        valid=np.array([(np.arange(steps) >= row[4]) & (np.arange(steps) <= row[5]) for row in rows]),
+        heading=np.zeros((steps, count)),
+        speed=np.array([np.full(steps, row[3]) for row in rows]).T,
+        valid=np.array([(np.arange(steps) >= row[4]) & (np.arange(steps) <= row[5]) for row in rows]).T,
     )
 
 
@@ -92,7 +92,7 @@ def test_a_start_is_the_recorded_vehicle_among_all_others(scene):
     for k, start in enumerate(scene.starts):
         assert not valid[k, :, start.index].any()
         others = np.arange(valid.shape[2]) != start.index
-        np.testing.assert_array_equal(valid[k][:, others].T, scene.recording.valid[others])
+        np.testing.assert_array_equal(valid[k][:, others], scene.recording.valid[:, others])
 
 
 def test_a_route_leads_on_and_changes_lanes_only_where_it_must(graph, scene):

@@ -60,7 +60,7 @@ def test_commonroad(data_dir, name):
         sum(lane.right_id is not None for lane in lanes),
         sum(len(lane.signals) for lane in lanes),
         0 if recording is None else len(recording.ids),
-        0 if recording is None else int(np.where(recording.standing, 1, recording.valid.sum(1)).sum()),
+        0 if recording is None else int(np.where(recording.standing, 1, recording.valid.sum(0)).sum()),
         len(found.problems),
     ) == COMMONROAD[name][:-1]
     assert len(found.ids) == len(lanes)
@@ -81,17 +81,16 @@ def test_commonroad(data_dir, name):
 def test_recorded_traffic_drives_on_the_lanes(data_dir, name):
     found = maps.read(data_dir / "maps" / "commonroad_recorded" / f"{name}.xml")
     recording = found.recording
-    at = np.stack([np.linspace(0, recording.n_times - 1, 5).astype(int)] * len(recording.ids))
-    rows = np.arange(len(recording.ids))[:, None]
-    valid = recording.valid[rows, at]
-    position, heading = recording.position[rows, at][valid], recording.heading[rows, at][valid]
+    at = np.linspace(0, recording.n_times - 1, 5).astype(int)
+    valid = recording.valid[at]
+    position, heading = recording.position[at][valid], recording.heading[at][valid]
     place = locate(found.graph, jnp.asarray(position, jnp.float32), heading=jnp.asarray(heading, jnp.float32))
     assert bool(np.all(np.asarray(place.valid)))
     assert np.percentile(np.abs(place.offset), 90) < 1.6
     assert np.percentile(np.abs(place.heading_error), 90) < 0.25
-    moved = np.linalg.norm(np.diff(recording.position, axis=1), axis=-1) / recording.dt
-    both = recording.valid[:, 1:] & recording.valid[:, :-1]
-    assert np.median(np.abs(moved - recording.speed[:, 1:])[both]) < 0.15
+    moved = np.linalg.norm(np.diff(recording.position, axis=0), axis=-1) / recording.dt
+    both = recording.valid[1:] & recording.valid[:-1]
+    assert np.median(np.abs(moved - recording.speed[1:])[both]) < 0.15
 
 
 def test_a_planning_problem_of_lankershim_can_be_routed(data_dir):

@@ -6,6 +6,8 @@ from typing import no_type_check
 
 import numpy as np
 
+from urbanjax.types import ScenarioError
+
 
 @no_type_check
 @dataclasses.dataclass(frozen=True)
@@ -34,15 +36,29 @@ class Recording:
     standing: np.ndarray  # [V] bool, obstacles that never move
     length: np.ndarray  # [V] m
     width: np.ndarray  # [V] m
-    position: np.ndarray  # [V, T, 2] m, box centre, relative to the graph's origin
-    heading: np.ndarray  # [V, T] rad, unwrapped
-    speed: np.ndarray  # [V, T] m/s
-    valid: np.ndarray  # [V, T] bool
+    position: np.ndarray  # [T, V, 2] m, box centre, relative to the graph's origin
+    heading: np.ndarray  # [T, V] rad, unwrapped
+    speed: np.ndarray  # [T, V] m/s
+    valid: np.ndarray  # [T, V] bool
+
+    def __post_init__(self) -> None:
+        """Raises ScenarioError for an array of another shape: times come first, as in every log of the house."""
+        steps, count = self.valid.shape if np.ndim(self.valid) == 2 else (-1, -1)
+        rows = {"position": (steps, count, 2), "heading": (steps, count), "speed": (steps, count)}
+        for name, shape in {**rows, **dict.fromkeys(("standing", "length", "width"), (count,))}.items():
+            if np.shape(getattr(self, name)) != shape:
+                found = np.shape(getattr(self, name))
+                raise ScenarioError(
+                    f"Recording.{name} has the shape {found}, and valid {np.shape(self.valid)}: T times by V "
+                    "road users are needed, valid [T, V], position [T, V, 2], length [V]"
+                )
+        if len(self.ids) != count or len(self.kind) != count:
+            raise ScenarioError(f"Recording: {len(self.ids)} ids and {len(self.kind)} kinds for {count} road users")
 
     @property
     def n_times(self) -> int:
         """T."""
-        return self.valid.shape[1]
+        return self.valid.shape[0]
 
 
 def record(tracks: Sequence[RecordedTrack], dt: float, *, origin: tuple[float, float]) -> Recording:
@@ -52,15 +68,15 @@ def record(tracks: Sequence[RecordedTrack], dt: float, *, origin: tuple[float, f
     """
     steps = 1 + max((int(track.step[-1]) for track in tracks), default=0)
     count = len(tracks)
-    position, heading, speed = np.zeros((count, steps, 2)), np.zeros((count, steps)), np.zeros((count, steps))
-    valid = np.zeros((count, steps), bool)
+    position, heading, speed = np.zeros((steps, count, 2)), np.zeros((steps, count)), np.zeros((steps, count))
+    valid = np.zeros((steps, count), bool)
     clock = np.arange(steps)
     for v, track in enumerate(tracks):
         for k in range(2):
-            position[v, :, k] = np.interp(clock, track.step, track.position[:, k] - origin[k])
-        heading[v] = np.interp(clock, track.step, np.unwrap(track.heading))
-        speed[v] = np.interp(clock, track.step, track.speed)
-        valid[v] = track.standing | ((clock >= track.step[0]) & (clock <= track.step[-1]))
+            position[:, v, k] = np.interp(clock, track.step, track.position[:, k] - origin[k])
+        heading[:, v] = np.interp(clock, track.step, np.unwrap(track.heading))
+        speed[:, v] = np.interp(clock, track.step, track.speed)
+        valid[:, v] = track.standing | ((clock >= track.step[0]) & (clock <= track.step[-1]))
     return Recording(
         dt=dt,
         ids=tuple(track.id for track in tracks),

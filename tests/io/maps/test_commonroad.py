@@ -81,9 +81,9 @@ def test_a_recording_is_on_one_clock_around_the_graphs_origin(found):
     assert recording.standing.tolist() == [False, True]
     assert recording.valid.all()
     assert recording.dt == 0.1
-    np.testing.assert_allclose(recording.position[0] + origin, [[5, 1.75], [6, 1.75], [7, 1.75]])
-    np.testing.assert_allclose(recording.position[1] + origin, [[30, 5.25]] * 3)
-    np.testing.assert_allclose(recording.speed, [[10.0] * 3, [0.0] * 3])
+    np.testing.assert_allclose(recording.position[:, 0] + origin, [[5, 1.75], [6, 1.75], [7, 1.75]])
+    np.testing.assert_allclose(recording.position[:, 1] + origin, [[30, 5.25]] * 3)
+    np.testing.assert_allclose(recording.speed, [[10.0, 0.0]] * 3)
     np.testing.assert_allclose(recording.length, 4.5)
     np.testing.assert_allclose(recording.heading, 0.1)
 
@@ -97,9 +97,9 @@ def test_a_road_user_is_valid_between_its_first_and_last_state(read):
         "<time><exact>2</exact></time>\n<velocity><exact>10.0</exact></velocity>\n</state>",
     )
     recording = read(late).recording
-    assert recording.valid[0].tolist() == [False, True, True, True, True]
-    np.testing.assert_allclose(recording.position[0, :, 0] - recording.position[0, 0, 0], [0, 0, 1, 1.5, 2])
-    assert recording.valid[1].all()
+    assert recording.valid[:, 0].tolist() == [False, True, True, True, True]
+    np.testing.assert_allclose(recording.position[:, 0, 0] - recording.position[0, 0, 0], [0, 0, 1, 1.5, 2])
+    assert recording.valid[:, 1].all()
 
 
 def test_a_planning_problem_keeps_all_its_goals(found):

@@ -12,18 +12,21 @@ from urbanjax.course import Course
 from urbanjax.evaluation import collisions, metrics
 from urbanjax.evaluation.collisions import Collision, Contact
 from urbanjax.evaluation.recorded import goals
-from urbanjax.evaluation.recorded.scenes import RecordedScene
+from urbanjax.evaluation.recorded.scenes import RecordedScene, stacked
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.progress import progress
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
+from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
+from urbanjax.sim.replay import Replay
 from urbanjax.sim.scenarios.scenario import traffic
 from urbanjax.sim.signals import always_green
 from urbanjax.sim.world import WorldState
-from urbanjax.types import as_arrays
+from urbanjax.types import VehicleState, as_arrays
 from urbanjax.vehicle.params import VehicleParams
 
 INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is: up to here from the ends of the map
@@ -84,28 +87,38 @@ def worlds_of(loop: LoopParams, scene: RecordedScene) -> WorldState:
 
     Args: loop, the simulator's parameters; scene, the recording with its starts.
     """
-    count = len(scene.starts)
+    worlds = []
+    for k, start in enumerate(scene.starts):
+        ego, replay = jax.tree.map(lambda x, k=k: x[k], (scene.ego, scene.replay))
+        time = start.first * scene.recording.dt
+        worlds.append(world_of(loop.sim.traffic, scene.graph, ego=ego, link=start.link, replay=replay, time=time))
+    return stacked(worlds)
+
+
+def world_of(
+    params: TrafficParams, graph: RoadGraph, *, ego: VehicleState, link: int, replay: Replay | None, time: float
+) -> WorldState:
+    """A world of recorded road users only, all signals green.
+
+    Args: params, of the traffic that there is not; graph, the road graph; ego, its state; link, that it is on; replay,
+    the road users (None: nobody); time [s] of the record.
+    """
     nobody = traffic(
         jnp.zeros(1, jnp.int32),
         jnp.zeros(1),
         speed=jnp.zeros(1),
         limit=1.0,  # of nobody: the only vehicle is not valid
-        params=loop.sim.traffic,
+        params=params,
         valid=jnp.zeros(1, bool),
     )
-    links = jnp.asarray([start.link for start in scene.starts], jnp.int32)
-    times = jnp.asarray([start.first * scene.recording.dt for start in scene.starts])
-    shared = jax.tree.map(
-        lambda x: jnp.broadcast_to(x, (count, *x.shape)), (nobody, always_green(scene.graph.n_signals))
-    )
     return WorldState(
-        ego=scene.ego,
-        ego_link=links,
-        traffic=shared[0],
-        signals=shared[1],
-        time=as_arrays(times),
-        count=jnp.zeros(count, jnp.int32),
-        replay=scene.replay,
+        ego=ego,
+        ego_link=jnp.asarray(link, jnp.int32),
+        traffic=nobody,
+        signals=always_green(graph.n_signals),
+        time=as_arrays(jnp.asarray(time)),
+        count=jnp.asarray(0, jnp.int32),
+        replay=replay,
     )
 
 
@@ -141,8 +154,8 @@ def _read(scene: RecordedScene, k: int, log: Log, collision: Collision, off_road
     n, span = start.steps, slice(start.first, start.first + start.steps)
     human, speeds, human_way = np.zeros((0, 3)), np.zeros(0), float("nan")
     if start.index is not None:
-        human = np.column_stack([recording.position[start.index, span], recording.heading[start.index, span]])
-        speeds = recording.speed[start.index, span]
+        human = np.column_stack([recording.position[span, start.index], recording.heading[span, start.index]])
+        speeds = recording.speed[span, start.index]
         corridor = jax.tree.map(lambda x: x[k], scene.corridor)
         first, last = (float(_station(corridor, *as_arrays((human[i, :2], human[i, 2])))) for i in (0, -1))
         human_way = last - first

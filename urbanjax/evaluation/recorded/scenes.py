@@ -73,7 +73,7 @@ def prepare(
     starts, left_out = [], {}
     touching = _overlapping(recording)
     for v, label in enumerate(str(i) for i in recording.ids):
-        steps = int(recording.valid[v].sum())
+        steps = int(recording.valid[:, v].sum())
         if recording.standing[v] or (steps - 1) * recording.dt < shortest - ROUNDING:
             continue
         other = touching[v]
@@ -81,17 +81,22 @@ def prepare(
             left_out[label] = f"overlaps {recording.ids[other]} in the recording"
             continue
         try:
-            starts.append(_replaced(graph, recording, v, steps))
+            starts.append(replaced(graph, recording, vehicle=v))
         except RouteError as error:
             left_out[label] = str(error)
     return _scene(name, graph, recording, starts, left_out, params, vehicle)
 
 
-def _replaced(graph: RoadGraph, recording: Recording, v: int, steps: int) -> EgoStart:
-    """The start in the place of one recorded vehicle. Raises RouteError where there is no route."""
-    first = int(recording.valid[v].argmax())
+def replaced(graph: RoadGraph, recording: Recording, *, vehicle: int) -> EgoStart:
+    """The start in the place of one recorded vehicle. Raises RouteError where there is no route.
+
+    Args: graph, the road graph; recording, the road users; vehicle, which of them.
+    """
+    v = vehicle
+    steps = int(recording.valid[:, v].sum())
+    first = int(recording.valid[:, v].argmax())
     span = slice(first, first + steps)
-    position, heading = recording.position[v, span], recording.heading[v, span]
+    position, heading = recording.position[span, v], recording.heading[span, v]
     links = match(graph, position, heading=heading)
     if links is None:
         raise RouteError("leaves the map")
@@ -103,7 +108,7 @@ def _replaced(graph: RoadGraph, recording: Recording, v: int, steps: int) -> Ego
         first=first,
         steps=steps,
         pose=np.array([*position[0], heading[0]]),
-        speed=float(recording.speed[v, first]),
+        speed=float(recording.speed[first, v]),
         size=(float(recording.length[v]), float(recording.width[v])),
         link=int(links[0]),
         route=find_route(graph, int(links[0]), goals=(last, *beside(graph, last))),
@@ -128,13 +133,17 @@ def problems(
     starts, left_out = [], {}
     for problem in tasks:
         try:
-            starts.append(_posed(graph, recording, problem))
+            starts.append(posed(graph, recording, problem=problem))
         except RouteError as error:
             left_out[str(problem.id)] = str(error)
     return _scene(name, graph, recording, starts, left_out, params, vehicle)
 
 
-def _posed(graph: RoadGraph, recording: Recording, problem: PlanningProblem) -> EgoStart:
+def posed(graph: RoadGraph, recording: Recording, *, problem: PlanningProblem) -> EgoStart:
+    """The start of a planning problem, to the nearest of its goals. Raises RouteError where there is no route.
+
+    Args: graph, the road graph; recording, the road users; problem, of the same file.
+    """
     own = near(graph, np.array(problem.position), heading=problem.heading)
     if not own:
         raise RouteError("begins off the road")
@@ -177,17 +186,18 @@ def _scene(
         recording=recording,
         starts=tuple(starts),
         left_out=left_out,
-        corridor=_stack([_extend(graph, start.route, params=as_arrays(largest)) for start in starts]),
-        replay=_stack([replay_without(recording, start.index) for start in starts]),
-        ego=_stack([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
-        vehicle=_stack(vehicles),
+        corridor=stacked([_extend(graph, start.route, params=as_arrays(largest)) for start in starts]),
+        replay=stacked([replay_without(recording, start.index) for start in starts]),
+        ego=stacked([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
+        vehicle=stacked(vehicles),
     )
 
 
 _extend = jax.jit(corridor_along)
 
 
-def _stack(trees: list[Any]) -> Any:
+def stacked(trees: Sequence[Any]) -> Any:
+    """Equal trees along a new first axis. Args: trees, one or more."""
     return jax.tree.map(lambda *x: jnp.stack(x), *trees)
 
 
@@ -195,14 +205,12 @@ def _overlapping(recording: Recording) -> list[int | None]:
     """For each road user the first other one whose box it overlaps at some time."""
     count = len(recording.ids)
     a, b = np.triu_indices(count, 1)
-    steps = np.arange(recording.n_times)
-    size = np.broadcast_to(recording.length[:, None], (count, len(steps)))
-    width = np.broadcast_to(recording.width[:, None], (count, len(steps)))
+    size, width = (np.broadcast_to(x, recording.valid.shape) for x in (recording.length, recording.width))
     position, heading, size, width = as_arrays((recording.position, recording.heading, size, width))
     boxes = _box(position, heading, length=size, width=width)
-    one, other = (jax.tree.map(lambda x, which=which: x[which], boxes) for which in (a, b))
+    one, other = (jax.tree.map(lambda x, which=which: x[:, which], boxes) for which in (a, b))
     touch = np.asarray(_overlaps(one, other))
-    touch = (touch & recording.valid[a] & recording.valid[b]).any(1)
+    touch = (touch & recording.valid[:, a] & recording.valid[:, b]).any(0)
     found: list[int | None] = [None] * count
     for i, j in zip(a[touch], b[touch], strict=True):
         for one, other in ((i, j), (j, i)):
@@ -219,13 +227,13 @@ def replay_without(recording: Recording, index: int | None) -> Replay:
 
     Args: recording, the road users; index, of the one to leave out (None: nobody).
     """
-    valid = recording.valid.T.copy()
+    valid = recording.valid.copy()
     if index is not None:
         valid[:, index] = False
     rows: dict[str, Any] = {
-        "position": recording.position.transpose(1, 0, 2),
-        "heading": recording.heading.T,
-        "speed": recording.speed.T,
+        "position": recording.position,
+        "heading": recording.heading,
+        "speed": recording.speed,
         "length": recording.length,
         "width": recording.width,
         "valid": valid,

@@ -80,11 +80,11 @@ def _traffic(axes: Any, found: RoadMap) -> None:
 
     recording = found.recording
     if recording is not None:
-        tracks = [p[v] for p, v in zip(recording.position, recording.valid, strict=True)]
+        tracks = [recording.position[valid, v] for v, valid in enumerate(recording.valid.T)]
         axes.add_collection(LineCollection(tracks, colors=TRACK, linewidths=1.0, zorder=5, label="recorded"))
-        first = recording.valid.argmax(1)
+        first = recording.valid.argmax(0)
         rows = np.arange(len(first))
-        angle, place = recording.heading[rows, first], recording.position[rows, first]
+        angle, place = recording.heading[first, rows], recording.position[first, rows]
         along = np.stack([np.cos(angle), np.sin(angle)], -1) * 0.5 * recording.length[:, None]
         aside = np.stack([-np.sin(angle), np.cos(angle)], -1) * 0.5 * recording.width[:, None]
         corners = [place + s * along + t * aside for s, t in ((1, 1), (1, -1), (-1, -1), (-1, 1))]

@@ -1,0 +1,77 @@
+"""What a run is begun with, checked once before it is compiled: shapes always, values where they are known."""
+
+import jax
+import numpy as np
+
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.replay import Replay
+from urbanjax.sim.world import WorldState
+from urbanjax.types import ScenarioError
+
+FARTHEST = 15.0  # m from the nearest lane's centre, beyond which the ego is not on the road
+ASTRAY = 50.0  # m from its route, beyond which the ego cannot be meant to drive there
+
+
+def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> None:
+    """Raise ScenarioError for a start that no run can begin with.
+
+    Values are looked at outside jit, vmap and grad only. Args: graph, the road graph; corridor, around the route of the
+    ego; world, at the start of one run.
+    """
+    _check_replay(world.replay)
+    ego = world.ego
+    for name, shape in (("position", (2,)), ("heading", ()), ("speed", ()), ("acceleration", ()), ("steering", ())):
+        found = np.shape(getattr(ego, name))
+        if found != shape:
+            raise ScenarioError(
+                f"start.ego.{name} has the shape {found}, not {shape}: a rollout is one run; vmap it over a batch"
+            )
+    leaves = jax.tree.leaves((ego, world.ego_link, world.time, graph.centre, corridor.position))
+    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        return
+    for name in ("position", "heading", "speed", "acceleration", "steering"):
+        if not np.isfinite(getattr(ego, name)).all():
+            raise ScenarioError(f"start.ego.{name} is {np.asarray(getattr(ego, name))}: it must be finite")
+    if not np.isfinite(world.time):
+        raise ScenarioError(f"start.time is {float(world.time)}: it must be finite")
+    valid = np.asarray(graph.valid)
+    if not 0 <= int(world.ego_link) < len(valid) or not valid[int(world.ego_link)]:
+        raise ScenarioError(f"start.ego_link is {int(world.ego_link)}: the graph has {int(valid.sum())} links")
+    position = np.asarray(ego.position, float)
+    lines = np.asarray(graph.centre, float)[valid]
+    away = _distance(position, lines[:, :-1].reshape(-1, 2), lines[:, 1:].reshape(-1, 2))
+    if away > FARTHEST:
+        raise ScenarioError(
+            f"start.ego.position {position.round(1).tolist()} is {away:.0f} m from the nearest lane's centre: begin on "
+            f"the road (coordinates are relative to the graph's origin {graph.origin})"
+        )
+    line = np.asarray(corridor.position, float)[np.asarray(corridor.valid)]
+    astray = _distance(position, line[:-1], line[1:])
+    if astray > ASTRAY:
+        raise ScenarioError(
+            f"start.ego.position is {astray:.0f} m from the course's route: begin near it, or plan anew"
+        )
+
+
+def _check_replay(replay: Replay | None) -> None:
+    if replay is None:
+        return
+    rows = ("position", "heading", "speed", "valid", "length", "width")
+    shapes: dict[str, tuple[int, ...]] = {name: np.shape(getattr(replay, name)) for name in rows}
+    table = shapes["heading"] if len(shapes["heading"]) == 2 else (-1, -1)
+    wanted = dict.fromkeys(rows, table) | {"position": (*table, 2)} | dict.fromkeys(("length", "width"), table[1:])
+    for name, found in shapes.items():
+        if found != wanted[name]:
+            raise ScenarioError(
+                f"replay.{name} has the shape {found}, and heading {shapes['heading']}: T times by V road users are "
+                "needed, position [T, V, 2], heading, speed and valid [T, V], length and width [V]"
+            )
+
+
+def _distance(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
+    """Distance [m] of a point [2] to the nearest of segments from start [n, 2] to end [n, 2]."""
+    along = end - start
+    square = np.maximum((along**2).sum(1), np.finfo(float).tiny)
+    share = np.clip(((point - start) * along).sum(1) / square, 0, 1)
+    return float(np.linalg.norm(start + share[:, None] * along - point, axis=1).min())
