@@ -15,6 +15,7 @@ from urbanjax.traffic.safety.boxes import box_time_to_collision
 from urbanjax.types import Objects, pytree
 from urbanjax.vehicle.params import VehicleParams
 
+HARD = Relaxation()
 APART = 1e3  # m, what stands in for the gap to a vehicle that is not there; masked in all that leaves this module
 TTC_SCALE = 0.1  # 1/s, natural scale of inverse times to collision for the relaxation
 AHEAD_SCALE = 5.0  # m, natural scale of "ahead"
@@ -40,8 +41,9 @@ class Metrics:
     off_road: Array  # [] degree in [0, 1]
 
 
-def evaluate(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> Metrics:
+def evaluate(log: Log, vehicle: VehicleParams | None = None, *, relaxation: Relaxation = HARD) -> Metrics:
     """All metrics of one run. Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft."""
+    vehicle = VehicleParams() if vehicle is None else vehicle
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     urgency = _largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, TTC_SCALE)
     closing = urgency > 0

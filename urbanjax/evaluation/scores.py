@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.evaluation.metrics import clearance, jerk, lateral_acceleration, progress
+from urbanjax.evaluation.metrics import HARD, clearance, jerk, lateral_acceleration, progress
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
 from urbanjax.types import pytree
@@ -46,7 +46,13 @@ class Score:
     lane: Array  # []
 
 
-def score(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Float[Array, ""]:
+def score(
+    log: Log,
+    vehicle: VehicleParams | None = None,
+    *,
+    params: ScoreParams | None = None,
+    relaxation: Relaxation = HARD,
+) -> Float[Array, ""]:
     """The score of one run, smooth in mode soft.
 
     Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
@@ -54,11 +60,19 @@ def score(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: 
     return terms(log, vehicle, params=params, relaxation=relaxation).total
 
 
-def terms(log: Log, vehicle: VehicleParams, *, params: ScoreParams, relaxation: Relaxation) -> Score:
+def terms(
+    log: Log,
+    vehicle: VehicleParams | None = None,
+    *,
+    params: ScoreParams | None = None,
+    relaxation: Relaxation = HARD,
+) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
     Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
     """
+    vehicle = VehicleParams() if vehicle is None else vehicle
+    params = ScoreParams() if params is None else params
     duration = jnp.maximum(log.time[-1] - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     near = _barrier(jnp.where(others, gaps, params.clearance_scale), params.clearance_scale)

@@ -1,25 +1,10 @@
-"""Readers of road maps: each file becomes a `RoadMap`, whose graph the rest of the house drives on."""
+"""Which reader a map's file is for."""
 
 from pathlib import Path
 
-from urbanjax.evaluation.recorded.planning_problem import Goal, PlanningProblem, Region
 from urbanjax.io.maps import commonroad, lanelet2, racetrack, sumo
-from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
-from urbanjax.io.maps.xml import MapError, parse
-from urbanjax.sim.recording import Recording
-
-__all__ = [
-    "Goal",
-    "MapError",
-    "MapFault",
-    "MapLane",
-    "PlanningProblem",
-    "Recording",
-    "Region",
-    "RoadMap",
-    "SignalCycle",
-    "read",
-]
+from urbanjax.io.maps.road import RoadMap
+from urbanjax.io.maps.xml import parse
 
 READERS = {"commonRoad": commonroad.read, "osm": lanelet2.read, "net": sumo.read}  # by the root element
 

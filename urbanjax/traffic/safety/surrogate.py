@@ -1,0 +1,68 @@
+"""Surrogate safety measures of plain arrays."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.traffic.safety.measure import Safety, SafetyParams, measure
+from urbanjax.types import Objects, as_arrays
+from urbanjax.types.errors import TrafficError
+
+_measure = jax.jit(measure)
+
+
+def surrogate_safety(
+    position: Any,
+    heading: Any,
+    *,
+    speed: Any,
+    dt: float,
+    size: tuple[Any, Any] = (4.5, 1.8),
+    valid: Any = None,
+    params: SafetyParams | None = None,
+) -> Safety:
+    """Times to collision, headways, required decelerations, post-encroachment times and RSS of V vehicles at T times.
+
+    `summary` has one number per vehicle, `pairs` one per ordered pair, `series` one per vehicle and time;
+    docs/safety.md defines them. For many scenarios compile and vmap `traffic.safety.measure.measure`.
+    Args: position [T, V, 2] m, of box centres; heading [T, V] rad, counter-clockwise from x; speed [T, V] m/s, along
+    the heading; dt [s] between two times; size, length and width in m, each a number, [V] or
+    [T, V]; valid [T, V], which vehicles are
+    there (default: those that are finite); params, thresholds. Raises TrafficError for arrays of another shape, for
+    what is there and not finite, and for a dt or a size that is not positive.
+    """
+    rows = {"position": position, "heading": heading, "speed": speed}
+    given = {name: np.asarray(values, float) for name, values in rows.items()}
+    shape = given["heading"].shape
+    if len(shape) != 2 or 0 in shape:
+        raise TrafficError(f"heading has the shape {shape}: give [T, V], at least one time and one vehicle")
+    for name, wanted in (("position", (*shape, 2)), ("speed", shape)):
+        if given[name].shape != wanted:
+            raise TrafficError(f"{name} has the shape {given[name].shape}, and heading {shape}: it must be {wanted}")
+    if not np.isfinite(dt) or dt <= 0:
+        raise TrafficError(f"dt is {dt}: the time between two samples must be positive, in seconds")
+    finite = np.isfinite(given["heading"]) & np.isfinite(given["speed"]) & np.isfinite(given["position"]).all(-1)
+    there = finite if valid is None else np.asarray(valid, bool)
+    if there.shape != shape:
+        raise TrafficError(f"valid has the shape {there.shape}, and heading {shape}: they must be equal")
+    if (there & ~finite).any():
+        t, v = np.argwhere(there & ~finite)[0]
+        raise TrafficError(f"vehicle {v} at time {t} is valid and not finite: correct it, or say valid=False")
+    sizes = {name: _size(name, values, shape) for name, values in zip(("length", "width"), size, strict=True)}
+    # Float32 near the middle of all: map coordinates of many kilometres have no millimetres.
+    middle = given["position"][there].mean(0) if there.any() else np.zeros(2)
+    given["position"] = np.where(there[..., None], given["position"] - middle, 0)
+    arrays: dict[str, Any] = as_arrays({**given, **sizes})
+    tracks = Objects(**arrays, valid=jnp.asarray(there))
+    return _measure(tracks, jnp.asarray(dt, float), params=as_arrays(params or SafetyParams()))
+
+
+def _size(name: str, values: Any, shape: tuple[int, int]) -> np.ndarray:
+    size = np.asarray(values, float)
+    if size.shape not in ((), (shape[1],), shape):
+        raise TrafficError(f"{name} has the shape {size.shape}: give a number, [V] or [T, V], here {shape}")
+    if not np.isfinite(size).all() or size.min() <= 0:
+        raise TrafficError(f"{name} must be positive and finite, in metres")
+    return np.broadcast_to(size, shape)
