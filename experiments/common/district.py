@@ -1,6 +1,5 @@
 """The stated world: a furnished district, a point-cloud map of it from a drive of its own, and a drive to localize."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,7 +20,19 @@ from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
-from urbanjax.types import POSITIVE, ConfigError, Observation, Odometry, Scan, Unread, as_arrays, field, pytree, static
+from urbanjax.types import (
+    POSITIVE,
+    ConfigError,
+    Observation,
+    Odometry,
+    Scan,
+    Unread,
+    as_arrays,
+    field,
+    host_record,
+    pytree,
+    static,
+)
 
 FIRST = 1  # the link on which the drives begin
 LEAST = 10  # scans of a drive
@@ -46,7 +57,7 @@ class MappingParams:
     reach: float = 70.0  # m, of the points that are mapped
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class World:
     """What the localizer is given, and the truth that it does not know."""
 

@@ -1,6 +1,5 @@
 """The rollouts of Fig. 10 over aggressiveness and start: overtaking on a two-lane road."""
 
-import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -22,7 +21,7 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.world import WorldState
-from urbanjax.types import POSITIVE, SHARE, Unread, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, Unread, as_arrays, field, host_record, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 NO_CLAMP = 1e-6  # s, a least time to collision that never matters
@@ -100,7 +99,7 @@ def _grid(
     return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), flat)
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Fig10:
     """Rollouts over A values of tau, with (0) and without (1) the time-to-collision clamp, and S paired starts."""
 

@@ -1,6 +1,5 @@
 """Injected failures: what the localizer says of itself while it is wrong, and how soon it is right again."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.sim.scenery.scenery import Scenery, altered
-from urbanjax.types import SHARE, ConfigError, field, pytree, static
+from urbanjax.types import SHARE, ConfigError, field, host_record, pytree, static
 
 KINDS = ("scan_loss", "map_gap", "wrong_map", "kidnapping")
 WRONG = 0.5  # m, an error that must not go unnoticed
@@ -34,7 +33,7 @@ class FaultParams:
     seeds: int = static(default=20, metadata={"range": (0, 1000)})
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class InjectedFault:
     """One failure on one stretch of the drive."""
 

@@ -1,6 +1,5 @@
 """The closed loop on what the car estimates: overtaking in the district with poses from scans alone."""
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
@@ -28,7 +27,7 @@ from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, SHARE, ConfigError, Unread, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, ConfigError, Unread, as_arrays, field, host_record, pytree, static
 
 SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
@@ -52,7 +51,7 @@ class LoopStudy:
     seed: int = static(default=0)
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Loops:
     """Rollouts over A values of tau and S starts."""
 

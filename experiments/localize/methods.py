@@ -1,6 +1,5 @@
 """Table II: the ways of localizing compared on one drive, and what each comes to."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -14,12 +13,12 @@ from experiments.localize.faults import WRONG
 from experiments.localize.study import LocalizeStudy
 from experiments.localize.track import LocalizedTrack, LocalizerPrograms
 from urbanjax.localization.motion import arc
-from urbanjax.types import as_arrays
+from urbanjax.types import as_arrays, host_record
 
 LOST = 2.0  # m, an error from which a method without a way back counts as diverged
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Method:
     """A row of the table: errors [T, 3] (longitudinal m, lateral m, heading rad) at the scans it gives a pose for."""
 

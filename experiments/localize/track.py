@@ -1,6 +1,5 @@
 """Driving a localizer along a drive, scan by scan, and what became of it."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -19,7 +18,7 @@ from urbanjax.localization.types import Health
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenery.scenery import Scenery
-from urbanjax.types import Observation, VehicleState, pytree
+from urbanjax.types import Observation, VehicleState, host_record, pytree
 
 
 @pytree
@@ -42,7 +41,7 @@ class TrackRow:
     dropped: Array  # [2]
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class LocalizedTrack:
     """T scans, in order."""
 
@@ -115,7 +114,7 @@ class LocalizerPrograms:
         )
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Change:
     """What is other than it should be on a drive."""
 

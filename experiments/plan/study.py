@@ -1,6 +1,5 @@
 """One plan of one moment: what it was made of, hard and soft."""
 
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
@@ -26,7 +25,18 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import RIGHT, OvertakeParams
 from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
-from urbanjax.types import POSITIVE, ConfigError, Observation, Prediction, Unread, as_arrays, field, pytree, static
+from urbanjax.types import (
+    POSITIVE,
+    ConfigError,
+    Observation,
+    Prediction,
+    Unread,
+    as_arrays,
+    field,
+    host_record,
+    pytree,
+    static,
+)
 
 # What a recorded scene has of its own, or no use for.
 MADE_UP = ("scenario", "seed", "vehicle", "sim.traffic", "sim.reaction", "sim.lane_changes")
@@ -51,7 +61,7 @@ class PlanStudy(LoopParams):
     ego: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Moment:
     """Everything that one plan was made of."""
 

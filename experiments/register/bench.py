@@ -1,6 +1,5 @@
 """Where scans are registered: every function compiled once for each set of shapes, with the clock on it."""
 
-import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any
@@ -22,13 +21,13 @@ from urbanjax.registration.voxelmap import CutParams, VoxelMap
 from urbanjax.sim.lidar import LidarParams, sweep
 from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.sim.scenery.scenery import Scenery
-from urbanjax.types import Odometry, Scan, VehicleState, as_arrays, pytree
+from urbanjax.types import Odometry, Scan, VehicleState, as_arrays, host_record, pytree
 
 BLOCK = 16384  # capacities of windows are multiples of it
 ANYWHERE = 1e3  # m, a correspondence distance that never matters
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Setting:
     """The parameters of Table I that we have too."""
 

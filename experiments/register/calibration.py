@@ -1,6 +1,5 @@
 """By how much the stated covariance misses the errors: a further scale s^2 fitted on some, tested on others."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +14,7 @@ from urbanjax.localization import motion, sliding
 from urbanjax.localization.sliding import SlidingParams
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.voxelmap import VoxelMap
-from urbanjax.types import SHARE, as_arrays, field, pytree, static
+from urbanjax.types import SHARE, as_arrays, field, host_record, pytree, static
 
 DEGREES = 3  # x, y, heading
 
@@ -33,7 +32,7 @@ class CalibrationParams:
     test: int = static(default=500, metadata={"range": (10, 1_000_000)})
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Errors:
     """Planar errors [N, 3] (m, m, rad) in the body frame with the covariances [N, 3, 3] that were stated."""
 
@@ -48,7 +47,7 @@ class Errors:
         return np.einsum("ni,ni->n", e, np.linalg.solve(c, e[..., None])[..., 0])
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Calibration:
     """The scale and what it does to errors that it was not fitted on."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from experiments.register.bench import ANYWHERE, Bench, Found, Seen, Setting
 from experiments.register.rows import OPEN_EPSILON
 from urbanjax.localization import motion
-from urbanjax.types import POSITIVE, ConfigError, as_arrays, pytree, static
+from urbanjax.types import POSITIVE, ConfigError, as_arrays, host_record, pytree, static
 
 
 @pytree
@@ -46,7 +46,7 @@ class FactorialParams:
         }
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Grid:
     """Results over the axes of `FactorialParams.axes` and, last, the scans."""
 

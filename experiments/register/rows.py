@@ -1,6 +1,5 @@
 """The eight rows of Table I, each driven along the stretch from two kinds of start."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -10,13 +9,13 @@ import numpy as np
 from experiments.common.lost import lost_after
 from experiments.register.bench import ANYWHERE, Bench, Seen, Setting
 from urbanjax.localization import motion
-from urbanjax.types import ConfigError, pytree, static
+from urbanjax.types import ConfigError, host_record, pytree, static
 
 OPEN_ITERATIONS, OPEN_EPSILON = 64, 1e-3  # where the paper prints nothing
 STARTS = {"previous": "last pose", "predicted": "odometry"}
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class PaperRow:
     """One row as printed; None for a dash."""
 
@@ -69,7 +68,7 @@ class RowsParams:
     scans: int = static(default=300, metadata={"range": (2, 100_000)})
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class RowTrack:
     """T registrations one after the other, fewer where the pose was given up."""
 

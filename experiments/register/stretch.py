@@ -1,6 +1,5 @@
 """The stated world: a stretch of the furnished district through its intersection, mapped twice, and a drive on it."""
 
-import dataclasses
 from collections.abc import Callable
 
 import jax
@@ -19,7 +18,7 @@ from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
-from urbanjax.types import pytree, static
+from urbanjax.types import host_record, pytree, static
 
 DRIVEN = (39, 50)  # first and last link of the drive: two before intersection C, where it turns left, and two after
 MAPPED = (37, 53)  # one more on either side, as far as the sensor sees
@@ -38,7 +37,7 @@ class StretchParams:
     seed: int = static(default=0)
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Stretch:
     """The world of a seed."""
 

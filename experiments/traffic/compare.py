@@ -1,9 +1,7 @@
 """Teams against each other, pair by pair: divergences with intervals and nulls, and distances between their routes."""
 
-import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import no_type_check
 
 import jax
 import jax.numpy as jnp
@@ -20,14 +18,13 @@ from urbanjax.traffic.divergence.dimension import effective_dimension
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs, distances, neighbours
 from urbanjax.traffic.resampling import Interval, LapSwap, ResamplingParams, half_samples, spread
-from urbanjax.types import ConfigError, as_arrays
+from urbanjax.types import ConfigError, as_arrays, host_record
 from urbanjax.types.errors import TrafficError
 
 Tick = Callable[[str, float | None], None]
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Comparison:
     """P ordered pairs of T teams, K values of k, A areas."""
 

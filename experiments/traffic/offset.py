@@ -1,9 +1,8 @@
 """What the size of Table III says: divergences between teams on one lap, as all are sampled ever more densely."""
 
-import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import Any, no_type_check
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,13 +12,12 @@ from experiments.traffic.study import OffsetStudy
 from urbanjax.io.figures.style import LINE, OTHER, figure, shades
 from urbanjax.traffic.divergence.estimate import DivergenceParams, divergence
 from urbanjax.traffic.divergence.neighbours import distances, neighbours
-from urbanjax.types import ConfigError, as_arrays
+from urbanjax.types import ConfigError, as_arrays, host_record
 
 NAMES = "ABCDEFGHIJKLMNOPQRST"
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Sweep:
     """Over S spacings, K values of k, T teams of which the first is offset."""
 

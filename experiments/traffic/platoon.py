@@ -1,8 +1,6 @@
 """Platoons: does a disturbance grow from vehicle to vehicle, how close do they drive, how much traffic is that."""
 
-import dataclasses
 from pathlib import Path
-from typing import no_type_check
 
 import jax
 import jax.numpy as jnp
@@ -17,15 +15,14 @@ from urbanjax.traffic.flow import edie, stability, transfer
 from urbanjax.traffic.flow.transfer import Transfer
 from urbanjax.traffic.safety.exposure import time_exposed, time_integrated
 from urbanjax.traffic.safety.following import required_deceleration, time_gap, time_to_collision
-from urbanjax.types import as_arrays
+from urbanjax.types import as_arrays, host_record
 
 _gains, _transfer = jax.jit(stability.gains), jax.jit(transfer.transfer, static_argnames="length")
 _intervals = jax.jit(stability.bootstrapped, static_argnames=("block", "draws"))
 _diagram = jax.jit(edie.diagram)
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Gain:
     """Head to tail, over one stretch of time."""
 
@@ -37,8 +34,7 @@ class Gain:
     peaks: float  # ratio of the greatest deviations
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Platoon:
     """One recording of V vehicles in the order they drive in, and what was measured."""
 

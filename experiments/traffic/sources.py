@@ -1,10 +1,8 @@
 """The logs of a study, judged, with the line they are measured along: from files or from rollouts of the stack."""
 
-import dataclasses
 import glob
 from collections.abc import Callable
 from pathlib import Path
-from typing import no_type_check
 
 import numpy as np
 
@@ -19,11 +17,10 @@ from urbanjax.io.logs.quality import Quality, coarseness, quality
 from urbanjax.io.logs.sampling import raw
 from urbanjax.io.maps import racetrack
 from urbanjax.sim.scenarios.overtake import RIGHT
-from urbanjax.types import ConfigError
+from urbanjax.types import ConfigError, host_record
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Material:
     """What there is to compare."""
 

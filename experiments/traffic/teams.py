@@ -1,8 +1,5 @@
 """Drives of teams on one course, sampled alike: the arrays that all comparisons work on."""
 
-import dataclasses
-from typing import no_type_check
-
 import jax
 import numpy as np
 
@@ -14,7 +11,7 @@ from urbanjax.traffic.course.areas import Areas, areas
 from urbanjax.traffic.course.laps import laps
 from urbanjax.traffic.course.line import place
 from urbanjax.traffic.course.sections import sections
-from urbanjax.types import ConfigError, as_arrays
+from urbanjax.types import ConfigError, as_arrays, host_record
 from urbanjax.types.errors import TrafficError
 
 BUCKET = 256  # samples that arrays are padded to multiples of
@@ -27,8 +24,7 @@ _place = jax.jit(place, static_argnames=("closed", "block"))
 _laps = jax.jit(laps, static_argnames="closed")
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Teams:
     """T teams with up to n samples each, in the order driven, run after run."""
 

@@ -1,13 +1,10 @@
 """Road graphs of equal shape, so that one compiled program serves them all."""
 
-import dataclasses
-from typing import no_type_check
-
 import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.types import RoadError
+from urbanjax.types import RoadError, host_record
 
 TABLES = {
     "n_successors": ("successor", "has_successor", "predecessor", "has_predecessor"),
@@ -17,8 +14,7 @@ TABLES = {
 STATIC = ("origin", "area_names", "n_signals")
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class GraphSize:
     """The shape of a road graph's arrays; None: as small as it can be."""
 

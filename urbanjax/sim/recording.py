@@ -1,16 +1,13 @@
 """Recorded traffic (host side, float64, relative to the graph's origin)."""
 
-import dataclasses
 from collections.abc import Hashable, Sequence
-from typing import no_type_check
 
 import numpy as np
 
-from urbanjax.types import ScenarioError
+from urbanjax.types import ScenarioError, host_record
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class RecordedTrack:
     """One road user as a file states it, before all are brought onto one clock."""
 
@@ -25,8 +22,7 @@ class RecordedTrack:
     standing: bool = False  # an obstacle that never moves: there at all times
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Recording:
     """V road users at T times; entries are meaningful where `valid`, and hold the nearest valid state elsewhere."""
 

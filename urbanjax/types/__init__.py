@@ -17,7 +17,7 @@ from urbanjax.types.scan import Mount, Scan
 from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
 from urbanjax.types.status import Decision, Status
-from urbanjax.types.struct import HANDED_DOWN, as_arrays, field, pytree, static
+from urbanjax.types.struct import HANDED_DOWN, as_arrays, field, host_record, pytree, static
 from urbanjax.types.unread import Unread
 from urbanjax.types.values import batched_values, with_values
 
@@ -50,6 +50,7 @@ __all__ = [
     "as_arrays",
     "batched_values",
     "field",
+    "host_record",
     "pytree",
     "static",
     "with_values",

@@ -53,6 +53,17 @@ def pytree(cls: type[T]) -> type[T]:
     return no_type_check(made)
 
 
+@dataclass_transform(frozen_default=True)
+def host_record(cls: type[T]) -> type[T]:
+    """A frozen dataclass of what stays on the host: files as read, tables, worlds to drive in. `help()` as above.
+
+    Args: cls, a class with annotated fields.
+    """
+    made: Any = dataclasses.dataclass(frozen=True)(cls)
+    made.__doc__ = FieldsDoc(made.__doc__)
+    return no_type_check(made)
+
+
 def _checked(init: Callable[..., None], stated: list[limits.FieldLimits]) -> Callable[..., None]:
     @functools.wraps(init)
     def checked_init(self: Any, *args: Any, **kwargs: Any) -> None:

@@ -1,6 +1,5 @@
 """The closed loop in the place of each recorded driver, and how it compares with them."""
 
-import dataclasses
 from typing import Any
 
 import jax
@@ -26,13 +25,13 @@ from urbanjax.sim.replay import Replay
 from urbanjax.sim.scenarios.scenario import traffic
 from urbanjax.sim.signals import always_green
 from urbanjax.sim.world import WorldState
-from urbanjax.types import VehicleState, as_arrays
+from urbanjax.types import VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is: up to here from the ends of the map
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Drive:
     """One drive of the stack beside the recorded one; arrays over the T steps that it lasts.
 

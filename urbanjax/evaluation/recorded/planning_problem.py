@@ -1,14 +1,13 @@
 """Driving tasks among recorded traffic, as CommonRoad states them (host side, relative to the graph's origin)."""
 
-import dataclasses
 from collections.abc import Hashable
-from typing import no_type_check
 
 import numpy as np
 
+from urbanjax.types import host_record
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+
+@host_record
 class Region:
     """A goal region: a box, a disc (where `radius` is set) or a polygon (where `corners` is)."""
 
@@ -20,8 +19,7 @@ class Region:
     corners: np.ndarray | None = None  # [n, 2] m, relative to the graph's origin
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Goal:
     """What a planning problem asks for; None where it asks for nothing."""
 
@@ -33,8 +31,7 @@ class Goal:
     heading: tuple[float, float] | None = None  # rad
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class PlanningProblem:
     """A start and the goals, any of which may be reached."""
 

@@ -1,7 +1,6 @@
 """Who is replaced in a recording, and where they start (host side)."""
 
 import contextlib
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,14 +17,14 @@ from urbanjax.roadmap.matching import match, near
 from urbanjax.roadmap.route import Route
 from urbanjax.sim.recording import Recording
 from urbanjax.sim.replay import Replay
-from urbanjax.types import RouteError, VehicleState, as_arrays
+from urbanjax.types import RouteError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 ROUNDING = 1e-6  # s, by which a recording may be too short
 WHEELBASE, OVERHANG = 0.6, 0.2  # of a vehicle's length, where a recording does not say
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class EgoStart:
     """Where one drive of the stack begins, and how long it lasts."""
 
@@ -41,7 +40,7 @@ class EgoStart:
     goals: tuple[Goal, ...] = ()  # of a planning problem
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class RecordedScene:
     """A recording with all its starts, stacked along the first axis (E of them)."""
 

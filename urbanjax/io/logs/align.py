@@ -1,9 +1,8 @@
 """The frame of logs found from a line that they follow: closest points from many starts, and how sure it is."""
 
-import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,7 +11,7 @@ from urbanjax.io.logs.closest import feet, refined
 from urbanjax.io.logs.frame import Frame, apart, fit, frame, mirrors
 from urbanjax.io.logs.line import LogLine, along, thinned
 from urbanjax.io.logs.record import LogError
-from urbanjax.types import pytree, static
+from urbanjax.types import host_record, pytree, static
 
 SHAPE = 64  # points of a path that is held against the line
 OFFSETS = 180  # places of the line at which it may begin
@@ -44,8 +43,7 @@ class LogAlignParams:
 DEFAULT = LogAlignParams()
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class AlignStart:
     """Where one start led."""
 
@@ -55,8 +53,7 @@ class AlignStart:
     off: float  # m, rms, between its points and those of the best
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class LogAlignment:
     """The best frame, how far its points are from the line, and what else would do."""
 

@@ -1,17 +1,16 @@
 """Frames of logs: similarity transforms of the plane, and the closed form that fits one to pairs of points."""
 
 import dataclasses
-from typing import no_type_check
 
 import numpy as np
 
 from urbanjax.io.logs.record import LogError, VehicleLog
+from urbanjax.types import host_record
 
 TINY = 1e-300  # keeps a quotient of zeros at zero
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Frame:
     """The map p -> scale R(rotation) F p + translation from a log's coordinates, F mirroring y where `reflected`."""
 

@@ -1,17 +1,14 @@
 """Curves of the plane by arc length, as the frames of logs are found from."""
 
-import dataclasses
-from typing import no_type_check
-
 import numpy as np
 
 from urbanjax.io.logs.record import LogError
+from urbanjax.types import host_record
 
 POINTS = 4000  # of a line between which feet are found
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class LogLine:
     """A curve at POINTS points of even spacing."""
 

@@ -2,13 +2,12 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import no_type_check
 
 import numpy as np
 
 from urbanjax.io.logs.record import VehicleLog
 from urbanjax.io.logs.sampling import raw, resolution, roughness
-from urbanjax.types import pytree, static
+from urbanjax.types import host_record, pytree, static
 
 
 @pytree
@@ -28,8 +27,7 @@ ABOUT = (-1.0, 1.0)  # s, around a sample, between which its way is taken
 DEFAULT = QualityParams()
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Quality:
     """Counts, sizes and a verdict about one log."""
 

@@ -2,19 +2,18 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 
-from urbanjax.types import FileError
+from urbanjax.types import FileError, host_record
 
 
 class LogError(FileError):
     """A vehicle log is malformed, or holds what no log can hold."""
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class LogReport:
     """What reading a log left out, put in order or noticed."""
 
@@ -32,8 +31,7 @@ class LogReport:
         return self.absent + self.not_finite + self.duplicates
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class VehicleLog:
     """n samples of one vehicle, in rising time. Speed and heading are None, or NaN where the file has no value."""
 

@@ -1,20 +1,19 @@
 """Logs on an even clock or at even stations, never across a gap."""
 
 import dataclasses
-from typing import no_type_check
 
 import numpy as np
 
 from urbanjax.io.logs.line import moved
 from urbanjax.io.logs.record import LogError, VehicleLog
 from urbanjax.io.logs.sampling import raw
+from urbanjax.types import host_record
 
 MOST = 5_000_000  # samples of a result
 ROUNDING = 1e-9  # of a step (a gap, m): within it a value is at the place
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Resampled:
     """A log on an even grid in one piece or more; between two pieces lies a gap, of which nothing is known."""
 

@@ -1,12 +1,10 @@
 """Centre lines from the borders of lanes, and borders from centre lines (host side, float64)."""
 
-import dataclasses
-from typing import no_type_check
-
 import numpy as np
 
 from urbanjax.io.maps.road import MapLane
 from urbanjax.roadmap.builders.curves import normal
+from urbanjax.types import host_record
 
 KNOTS = 2.0  # m, between the points through which a link's centre line is drawn
 TINY = 1e-9  # m, keeps directions of steps without length finite
@@ -14,8 +12,7 @@ SHORTEST = 0.1  # m, lanes below have no direction
 NARROWEST, WIDEST = 0.1, 50.0  # m
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class CentreLine:
     """A lane's centre line through points at most 2 m apart."""
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Hashable
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.io.maps.xml import ID, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.builders.relations import project
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
+from urbanjax.types import host_record
 
 POLAR = 85.0  # deg, latitude beyond which the projection is of no use
 APART = 1.0  # deg, from the middle of a map to its farthest node
@@ -23,8 +24,7 @@ LIMITS = {("road", "nonurban"): 100 / 3.6, ("highway", "urban"): 80 / 3.6, ("pla
 LIMITS |= {("highway", "nonurban"): 120 / 3.6, ("play_street", "nonurban"): 7 / 3.6}
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Border:
     """A way as the border of a lanelet, in driving direction."""
 
@@ -35,8 +35,7 @@ class Border:
     tags: dict[str, str]
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Lanelet:
     """A lanelet in one of its driving directions; the id of the other one is negative."""
 

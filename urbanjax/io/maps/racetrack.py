@@ -1,9 +1,7 @@
 """Racetracks from CSV: centre line and widths, as in the TUM racetrack database, and graph-ltpl's trajectory files."""
 
-import dataclasses
 import math
 from pathlib import Path
-from typing import no_type_check
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -14,6 +12,7 @@ from urbanjax.io.maps import lanes
 from urbanjax.io.maps.lanes import MapLane, RoadMap
 from urbanjax.io.maps.xml import FARTHEST, LARGEST_FILE, MapError
 from urbanjax.roadmap.graph import RoadType
+from urbanjax.types import host_record
 
 COLUMNS = ("x", "y", "right", "left")
 SPELLINGS = {
@@ -40,8 +39,7 @@ SECTION = 80.0  # m, length of a link
 SPEED = 40.0  # m/s: a racetrack has no limit of its own
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Racetrack:
     """A racetrack as a file states it; n different points in driving direction."""
 

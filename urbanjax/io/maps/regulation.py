@@ -1,18 +1,16 @@
 """Regulatory elements of Lanelet2 maps: signals, rights of way, signs."""
 
-import dataclasses
 from collections.abc import Hashable
-from typing import no_type_check
 
 from urbanjax.io.maps.xml import ID, Element, Xml
 from urbanjax.roadmap.graph import Rule
+from urbanjax.types import host_record
 
 STOP_SIGNS = {"stop_sign", "de206", "usR1-1", "stop"}
 YIELD_SIGNS = {"yield_sign", "de205", "usR1-2", "yield"}
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Regulation:
     """One regulatory element."""
 

@@ -3,17 +3,17 @@
 import dataclasses
 from collections.abc import Hashable
 from pathlib import Path
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 
 from urbanjax.evaluation.recorded.planning_problem import PlanningProblem
 from urbanjax.io.maps.xml import MapError
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
+from urbanjax.types import host_record
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class MapLane:
     """One lane as a map states it; None where the map is silent."""
 
@@ -38,8 +38,7 @@ class MapLane:
     area: str = ""
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class MapFault:
     """Something in a map that was left out or looks wrong."""
 
@@ -48,8 +47,7 @@ class MapFault:
     detail: str = ""
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class RoadMap:
     """A map file as read: the road graph, and what its links and signals are called in the file."""
 
@@ -73,8 +71,7 @@ class RoadMap:
         return self.ids.index(lane)
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class SignalCycle:
     """A fixed-time program of one signal."""
 

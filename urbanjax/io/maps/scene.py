@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import Any, no_type_check
+from typing import Any
 
 import jax
 import numpy as np
@@ -25,15 +25,14 @@ from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
 from urbanjax.sim.recording import record
 from urbanjax.sim.world import WorldState
-from urbanjax.types import RouteError, ScenarioError, as_arrays
+from urbanjax.types import RouteError, ScenarioError, as_arrays, host_record
 
 DURATION = 20.0  # s, of a drive that nothing else ends
 LINKS = 256  # of a route between two lanes
 SHOWN = 12  # names in a message
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Scene:
     """One drive on a map: `urbanjax.rollout(scene.params, scene.course, scene.lanes, scene.start, scene.n_steps)`."""
 
@@ -46,9 +45,15 @@ class Scene:
     n_steps: int
     ego: EgoStart  # where it starts, and its goals
 
-    def drive(self) -> Log:
-        """The closed loop, compiled: the log of T = n_steps steps."""
-        return _program()(self.params, self.course, self.lanes, self.start, n_steps=self.n_steps)[0]
+    def drive(self, params: LoopParams | None = None) -> Log:
+        """The closed loop, compiled: the log of T = n_steps steps. Args: params, others than the scene's own."""
+        return _program()(
+            self.params if params is None else as_arrays(params),
+            self.course,
+            self.lanes,
+            self.start,
+            n_steps=self.n_steps,
+        )[0]
 
     def reached(self, log: Log) -> bool | None:
         """Whether a goal of the planning problem holds at some step; None where there is no goal. Args: log [T]."""

@@ -11,7 +11,7 @@ from urbanjax.io.maps.lanes import assemble
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
 from urbanjax.io.maps.xml import LASTS, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
-from urbanjax.types import SignalState
+from urbanjax.types import SignalState, host_record
 
 WIDTH = 3.2  # m, of lanes that state none
 WIDTHS = (0.1, 100.0)  # m, that a lane may state
@@ -21,8 +21,7 @@ SHOWN = {"g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED, 
 SHOWN |= {"G": SignalState.GREEN, "Y": SignalState.YELLOW, "s": SignalState.RED}
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Connection:
     """A way from one lane to the next."""
 

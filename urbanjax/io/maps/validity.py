@@ -1,8 +1,7 @@
 """What looks wrong in a map: links that lead nowhere, lanes without length, borders that cross."""
 
-import dataclasses
 from collections import Counter
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -10,14 +9,14 @@ from scipy.spatial import ConvexHull, QhullError
 from urbanjax.io.maps.centre import stations
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.roadmap.builders.relations import crossing, project
+from urbanjax.types import host_record
 
 EDGE = 20.0  # m from the hull of a map, or a twentieth of its size: where lanes may begin and end
 CORNERS = 128  # points of a border when it is tested for crossing itself
 SHOWN = 3  # faults of a kind that the text shows
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Validity:
     """The report on a map."""
 

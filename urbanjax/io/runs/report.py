@@ -1,7 +1,6 @@
 """One self-contained page of a run: tables, figures and moving pictures inside it."""
 
 import base64
-import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -9,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from urbanjax.io.runs.directory import write_atomically
+from urbanjax.types import host_record
 
 KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Table:
     """Columns by heading, with a caption."""
 
@@ -26,7 +26,7 @@ class Table:
         return [[cell(value) for value in row] for row in zip(*self.columns.values(), strict=True)]
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Picture:
     """A PNG or GIF file, with a caption."""
 
@@ -40,7 +40,7 @@ class Picture:
         return f"data:{KINDS[self.path.suffix]};base64,{content}"
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Section:
     """A heading, paragraphs, and tables and pictures in their order."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from urbanjax.numerics import polynomial
+from urbanjax.types import host_record
 
 NODES = 5  # of the quadrature, per step
 SAMPLES = 8  # at least so many segments of a part that is cut out
@@ -17,7 +18,7 @@ FINE = 2, 32  # segments of a cubic: per step of its chord, and at least
 Piece = tuple[float, float, float]  # length m, curvature at its start and at its end 1/m (linear in between)
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Curve:
     """A curve sampled so finely that cubic interpolation between its samples is exact to micrometres."""
 

@@ -1,12 +1,10 @@
 """Geometric relations between links: station maps of neighbours, opposite lanes, conflicts (host side, float64)."""
 
-import dataclasses
-
 import numpy as np
 
 from urbanjax.geometry.frenet import MIN_SCALE
 from urbanjax.roadmap.builders.curves import hermite
-from urbanjax.types import RoadError
+from urbanjax.types import RoadError, host_record
 
 CHUNK = 256  # links at a time: bounds the memory of the all-to-all comparison
 STEPS = 4  # of Newton's method from the polyline to the curve
@@ -81,7 +79,7 @@ def _stations(points: np.ndarray, line: np.ndarray, angle: np.ndarray, length: n
     return (where * step).reshape(shape)
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Pieces:
     """Links cut into N pieces of equally many segments, and the ordered pairs of pieces that come near each other."""
 
@@ -133,7 +131,7 @@ def _starts(*keys: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.concatenate([[True], np.any([np.diff(key) != 0 for key in keys], axis=0)]))
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class Meetings:
     """For each ordered pair of links that come near each other, n of them, how they lie."""
 

@@ -1,21 +1,19 @@
 """What a builder or a map reader states of each lane, checked and resampled (host side, float64)."""
 
-import dataclasses
 from collections.abc import Hashable, Sequence
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 
 from urbanjax.roadmap.builders.curves import hermite, normal
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
-from urbanjax.types import RoadError
+from urbanjax.types import RoadError, host_record
 
 APART = 1e-6  # m, between points of a centre line that count as two
 SHORTEST = 0.01  # m, of a lane
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class RoadStyle:
     """What the lanes of a made-up road have in common."""
 
@@ -25,8 +23,7 @@ class RoadStyle:
     n_points: int = 32  # per link
 
 
-@no_type_check
-@dataclasses.dataclass(frozen=True)
+@host_record
 class LaneSpec:
     """One lane as a builder or a map reader states it; `assemble` derives everything else."""
 

@@ -28,6 +28,11 @@ class KlDivergence:
     samples: tuple[int, int]  # of P and of Q that were used
     dropped: tuple[int, int]  # that repeated another one, under ties="dedupe"
 
+    def __str__(self) -> str:
+        """One line."""
+        interval = f"{100 * self.level:.0f} % interval {self.low:.3g} to {self.high:.3g}"
+        return f"{self.value:.3g} nats, {interval} ({self.samples[0]} and {self.samples[1]} samples)"
+
 
 def kl_divergence(
     p: Any,

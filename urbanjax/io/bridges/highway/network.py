@@ -1,6 +1,5 @@
 """Any highway-env road network as a road graph. The screen's y points down: it is flipped here and nowhere later."""
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.specs import LaneSpec
 from urbanjax.roadmap.graph import RoadGraph, Turn
 from urbanjax.roadmap.padding import GraphSize, pad
-from urbanjax.types import RoadError
+from urbanjax.types import RoadError, host_record
 
 LaneKey = tuple[str, str, int, int]  # from node, to node, lane id, piece
 DEFAULT_LIMIT = 30.0  # m/s, where a lane has none (highway-env's highways)
@@ -32,7 +31,7 @@ CUBIC = 41  # points of a bridge
 LINKS, POINTS, RELATIONS = (24, 48, 96, 192), (64, 128), (4, 8, 16)  # sizes that networks are padded to
 
 
-@dataclasses.dataclass(frozen=True)
+@host_record
 class _Part:
     """One lane while it is read: where it ends and what follows."""
 
