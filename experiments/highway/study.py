@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from urbanjax.evaluation import statistics
 from urbanjax.io.bridges.highway.driver import HIGHWAY_STACK, DriverParams, StackDriver
 from urbanjax.io.bridges.highway.environment import FREQUENCY, check_drivable, open_environment
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
@@ -94,9 +95,10 @@ def table(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
             "driver": who,
             "drives": len(chosen["seed"]),
             "collisions": sum(chosen["collision"]),
+            "collisions [%]": statistics.rate(chosen["collision"]).percent.text(),
             "off the road": sum(chosen["off_road"]),
             "arrived": sum(arrived) if arrived else None,
-            "mean speed [m/s]": float(np.mean(chosen["mean_speed_mps"])),
+            "mean speed [m/s]": statistics.mean(chosen["mean_speed_mps"]).text(2),
             "least TTC [s]": min(chosen["least_ttc_s"]),
             "median TTC [s]": float(np.median(chosen["least_ttc_s"])),
             "step [ms]": float(np.median(step)) if step else None,
@@ -106,22 +108,28 @@ def table(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
 
 
 def summary(rows: dict[str, list[Any]]) -> dict[str, Any]:
-    """Flat numbers of the study."""
+    """Flat numbers of the study: means and rates with their intervals, and how much faster the stack is, in pairs."""
     out: dict[str, Any] = {}
-    columns = table(rows)
-    names = {
-        "drives": "drives",
-        "collisions": "collisions",
-        "off the road": "off_road",
-        "arrived": "arrived",
-        "mean speed [m/s]": "mean_speed_mps",
-        "least TTC [s]": "least_ttc_s",
-        "step [ms]": "step_median_ms",
-    }
-    for i, (env, who) in enumerate(zip(columns["environment"], columns["driver"], strict=True)):
-        for heading, name in names.items():
-            if columns[heading][i] is not None:
-                out[f"{env}_{who.lower()}_{name}"] = columns[heading][i]
+    speeds: dict[str, dict[str, dict[int, float]]] = {}
+    for env, who, chosen in _groups(rows):
+        name = f"{env}_{who.lower()}"
+        out[f"{name}_drives"] = len(chosen["seed"])
+        for what, column in {"collisions": "collision", "off_road": "off_road", "arrived": "arrived"}.items():
+            happened = [value for value in chosen[column] if value is not None]
+            if happened:
+                out[f"{name}_{what}"] = sum(happened)
+                out |= statistics.rate(happened).flat(f"{name}_{what}_share")
+        out |= statistics.mean(chosen["mean_speed_mps"]).flat(f"{name}_mean_speed_mps")
+        out[f"{name}_least_ttc_s"] = min(chosen["least_ttc_s"])
+        step = [t for t in chosen["step_median_ms"] if t is not None]
+        if step:
+            out[f"{name}_step_median_ms"] = float(np.median(step))
+        speeds.setdefault(env, {})[who] = dict(zip(chosen["seed"], chosen["mean_speed_mps"], strict=True))
+    for env, found in speeds.items():
+        both = sorted(set(found.get(STACK, {})) & set(found.get(IDM, {})))
+        if both:
+            faster = [found[STACK][seed] - found[IDM][seed] for seed in both]
+            out |= statistics.mean(faster).flat(f"{env}_faster_than_idm_mps")
     return out
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from experiments.common.district import World
 from experiments.localize.track import Change, LocalizedTrack, LocalizerPrograms
+from urbanjax.evaluation import statistics
+from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.sim.scenarios.tour import Tour
@@ -16,6 +18,7 @@ from urbanjax.sim.scenery.scenery import Scenery, altered
 from urbanjax.types import SHARE, ConfigError, field, host_record, pytree, static
 
 KINDS = ("scan_loss", "map_gap", "wrong_map", "kidnapping")
+LONG = 1.0  # s, for which nobody may be wrong without knowing
 WRONG = 0.5  # m, an error that must not go unnoticed
 
 
@@ -199,6 +202,11 @@ def table(faults: list[InjectedFault], period: float) -> dict[str, list[Any]]:
         for name, value in zip(rows, values, strict=True):
             rows[name].append(value)
     return rows
+
+
+def unnoticed(faults: Sequence[InjectedFault], period: float) -> WithInterval:
+    """The share of drives that were WRONG metres off while NORMAL for more than LONG s."""
+    return statistics.rate([period * fault.unnoticed > LONG for fault in faults])
 
 
 def detection(tracks: Sequence[LocalizedTrack]) -> dict[str, float | int | None]:

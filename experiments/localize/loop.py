@@ -11,7 +11,7 @@ from jax import Array, lax
 
 from experiments.common.district import World
 from urbanjax.course import Course, course_between
-from urbanjax.evaluation import metrics
+from urbanjax.evaluation import metrics, statistics
 from urbanjax.evaluation.metrics import Metrics
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure, shades
 from urbanjax.localization.lidar import LidarLocalizerParams
@@ -172,13 +172,17 @@ def table(loops: Loops) -> dict[str, list[Any]]:
 
 def summary(loops: Loops) -> dict[str, Any]:
     """Flat numbers."""
+    progress: dict[str, float] = {}
+    for tau, row in zip(loops.taus, loops.progress, strict=True):
+        progress |= statistics.mean(row).flat(f"loop_tau_{tau:g}_progress_m")
     return {
         "loop_rollouts": loops.collided.size,
         "loop_collisions": int(loops.collided.sum()),
+        **statistics.rate(loops.collided.ravel()).flat("loop_collisions_share"),
         "loop_off_road": int(loops.off_road.sum()),
         "loop_mean_error_m": loops.error.mean(),
         "loop_max_error_m": loops.error.max(),
-        **{f"loop_tau_{tau:g}_progress_m": row.mean() for tau, row in zip(loops.taus, loops.progress, strict=True)},
+        **progress,
     }
 
 

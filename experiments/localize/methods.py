@@ -12,6 +12,8 @@ from experiments.common.lost import lost_after
 from experiments.localize.faults import WRONG
 from experiments.localize.study import LocalizeStudy
 from experiments.localize.track import LocalizedTrack, LocalizerPrograms
+from urbanjax.evaluation import statistics
+from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.localization.motion import arc
 from urbanjax.types import as_arrays, host_record
 
@@ -36,9 +38,9 @@ class Method:
         return np.hypot(self.error[:, 0], self.error[:, 1])
 
     @property
-    def coverage(self) -> float:
+    def coverage(self) -> WithInterval:
         """Share of the scans of the drive with an error below WRONG."""
-        return float((self.distance < WRONG).sum() / self.scans)
+        return statistics.rate(np.arange(self.scans) < (self.distance < WRONG).sum())
 
     @property
     def diverged(self) -> int | None:
@@ -148,16 +150,21 @@ def between_scans(world: World, track: LocalizedTrack, rate: float, period: floa
 def table(methods: list[Method], period: float) -> dict[str, list[Any]]:
     """Columns by heading, one row per method."""
     rows: dict[str, list[Any]] = {"method": [m.name for m in methods]}
-    rows["mean error [m]"] = [float(m.distance.mean()) if len(m.distance) else None for m in methods]
+    rows["mean error [m]"] = [_mean(m.distance).text(4) for m in methods]
     rows["largest [m]"] = [float(m.distance.max()) if len(m.distance) else None for m in methods]
     rows["longitudinal [m]"] = [float(np.abs(m.error[:, 0]).mean()) if len(m.error) else None for m in methods]
     rows["lateral [m]"] = [float(np.abs(m.error[:, 1]).mean()) if len(m.error) else None for m in methods]
-    rows["coverage [%]"] = [100 * m.coverage for m in methods]
+    rows["coverage [%]"] = [m.coverage.percent.text() for m in methods]
     rows["poses"] = [m.outputs for m in methods]
     rows["scans per s"] = [1e3 / float(np.median(m.milliseconds)) if len(m.milliseconds) else None for m in methods]
     rows["failed scans"] = [m.failures for m in methods]
     rows["lost after [s]"] = [None if m.diverged is None else period * m.diverged for m in methods]
     return rows
+
+
+def _mean(distance: np.ndarray) -> WithInterval:
+    """With an interval from whole stretches of the drive: the errors of neighbouring scans depend on each other."""
+    return statistics.mean(distance, groups=statistics.stretches(len(distance)))
 
 
 def as_printed(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
@@ -172,11 +179,11 @@ def summary(methods: list[Method], period: float) -> dict[str, Any]:
     for m in methods:
         name = m.name.replace(", Eq. 8-10", " literal").replace(".", "").replace("/", "").replace(" ", "_").lower()
         out |= {
-            f"{name}_mean_error_m": m.distance.mean(),
+            **_mean(m.distance).flat(f"{name}_mean_error_m"),
             f"{name}_max_error_m": m.distance.max(),
             f"{name}_longitudinal_m": np.abs(m.error[:, 0]).mean(),
             f"{name}_lateral_m": np.abs(m.error[:, 1]).mean(),
-            f"{name}_coverage_share": m.coverage,
+            **m.coverage.flat(f"{name}_coverage_share"),
             f"{name}_poses": m.outputs,
             f"{name}_step_median_ms": np.median(m.milliseconds),
             f"{name}_step_p99_ms": np.percentile(m.milliseconds, 99),

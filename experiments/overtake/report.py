@@ -8,7 +8,8 @@ from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
 
 CAPTION = (
-    "Means and counts over the paired starts; TTC is the least time to collision of the boxes at constant velocity. "
+    "Means and counts over the paired starts, with 95 % intervals (bootstrap of means, Wilson of shares); "
+    "TTC is the least time to collision of the boxes at constant velocity. "
     "The clamp limits the reference speed by a least time to collision; it is not in the paper."
 )
 
@@ -20,8 +21,8 @@ def section(params: OvertakeStudy, run: Run) -> report.Section:
     run.table("overtake", study.table(found))
     run.table("overtake_starts", study.starts(found))
     run.summary({**study.summary(found), **times})
-    table = report.Table(CAPTION, study.by_tau(study.table(found)))
-    progress.show_table("overtaking", table.columns)
+    table = report.Table(CAPTION, study.with_intervals(found))
+    progress.show_table("overtaking", study.by_tau(study.table(found)))
     start = figures.exemplar(found)
     figures.draw_fig10(found, run.path("fig10.png"), start)
     figures.draw_means(found, run.path("overtake_means.png"))

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from experiments.common.overtaking import Fig10
+from urbanjax.evaluation import statistics
 
 
 def table(found: Fig10) -> dict[str, list[Any]]:
@@ -25,6 +26,22 @@ def table(found: Fig10) -> dict[str, list[Any]]:
     return rows
 
 
+def with_intervals(found: Fig10) -> dict[str, list[Any]]:
+    """The table on its side, with intervals where they are known."""
+    plain = table(found)
+    free = ~found.crowded
+    columns: dict[str, Any] = {
+        "progress [m]": [statistics.mean(x).text() for x in found.progress[:, 0]],
+        "speed drop [m/s]": [statistics.mean(x).text(2) for x in found.drop[:, 0]],
+        "speed drop, lane free [m/s]": [statistics.mean(x[free]).text(2) for x in found.drop[:, 0]],
+        "completed [%]": [statistics.rate(x).percent.text(0) for x in found.completed[:, 0]],
+        "completed, lane free [%]": [statistics.rate(x[free]).percent.text(0) for x in found.completed[:, 0]],
+        "progress, no clamp [m]": [statistics.mean(x).text() for x in found.progress[:, 1]],
+        "speed drop, no clamp [m/s]": [statistics.mean(x).text(2) for x in found.drop[:, 1]],
+    }
+    return by_tau({name: columns.get(name, values) for name, values in plain.items()})
+
+
 def by_tau(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
     """The table on its side: one row per quantity, one column per tau."""
     names = [name for name in rows if name != "tau"]
@@ -32,17 +49,25 @@ def by_tau(rows: dict[str, list[Any]]) -> dict[str, list[Any]]:
 
 
 def summary(found: Fig10) -> dict[str, Any]:
-    """Flat numbers of the study: name with tau and unit."""
+    """Flat numbers of the study: name with tau and unit, with intervals; gains are paired with the first tau."""
     free = ~found.crowded
     out: dict[str, Any] = {"starts": found.crowded.size, "starts_lane_free": int(free.sum())}
     for i, tau in enumerate(found.taus):
         for k, variant in enumerate(("", "_no_clamp")):
             name = f"tau_{tau:g}{variant}"
-            out[f"{name}_progress_m"] = found.progress[i, k].mean()
-            out[f"{name}_speed_drop_mps"] = found.drop[i, k].mean()
-            out[f"{name}_speed_drop_lane_free_mps"] = _mean(found.drop[i, k][None], free)[0]
-            out[f"{name}_completed_share"] = found.completed[i, k].mean()
-            out[f"{name}_completed_lane_free_share"] = _mean(found.completed[i, k][None], free)[0]
+            for quantity, values in {
+                "progress_m": found.progress[i, k],
+                "progress_gain_m": found.progress[i, k] - found.progress[0, k],
+                "speed_drop_mps": found.drop[i, k],
+                "speed_drop_lane_free_mps": found.drop[i, k][free],
+            }.items():
+                out |= statistics.mean(values).flat(f"{name}_{quantity}")
+            for quantity, happened in {
+                "completed_share": found.completed[i, k],
+                "completed_lane_free_share": found.completed[i, k][free],
+                "collisions_share": found.collided[i, k],
+            }.items():
+                out |= statistics.rate(happened).flat(f"{name}_{quantity}")
             out[f"{name}_collisions"] = int(found.collided[i, k].sum())
             out[f"{name}_off_road"] = int(found.off_road[i, k].sum())
             out[f"{name}_least_ttc_s"] = found.ttc[i, k].min()

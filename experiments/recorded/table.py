@@ -1,14 +1,18 @@
 """What the drives among recorded traffic amount to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from urbanjax.evaluation import statistics
 from urbanjax.evaluation.collisions import Contact
 from urbanjax.evaluation.recorded.drive import Drive
+from urbanjax.evaluation.statistics import WithInterval
 
 ALL = "all"
+# Columns that fit a terminal.
+SHORT = ("scene", "drives", "no at-fault collision [%]", "off the road [%]", "progress of the human's [%]")
 AT_LEAST = 1.0  # m, a recorded drive of less has no ratio
 
 
@@ -18,57 +22,77 @@ def scenes_of(drives: Sequence[Drive]) -> dict[str, list[Drive]]:
     return {name: [d for d in drives if d.scene == name] for name in names} | {ALL: list(drives)}
 
 
-def score(drives: Sequence[Drive]) -> dict[str, float]:
-    """Shares, progress and comfort of some drives: name with unit to value."""
+def score(drives: Sequence[Drive]) -> dict[str, WithInterval]:
+    """Shares, progress and comfort of some drives by name with unit: Wilson intervals, and bootstrap ones by scene."""
     way, human = (np.array([getattr(d, name) for d in drives]) for name in ("way", "human_way"))
+    scene = [d.scene for d in drives]
     moved = human > AT_LEAST
-    ratio = way[moved] / human[moved]
-    ours, theirs = (_comfort(drives, whose) for whose in ("", "human_"))
-    return {
-        "drives": float(len(drives)),
-        "no_at_fault_collision_percent": 100 * float(np.mean([not d.at_fault for d in drives])),
-        "other_contacts": float(sum(d.contact != Contact.NONE and not d.at_fault for d in drives)),
-        "off_road_percent": 100 * float(np.mean([d.off_road for d in drives])),
-        "progress_percent": 100 * float(way.sum() / human.sum()),
-        "progress_median_percent": 100 * float(np.median(ratio)) if moved.any() else float("nan"),
-        "progress_capped_percent": 100 * float(np.minimum(ratio, 1).mean()) if moved.any() else float("nan"),
-        **{f"{name}_{unit}": ours[name] for name, unit in COMFORT.items()},
-        **{f"human_{name}_{unit}": theirs[name] for name, unit in COMFORT.items()},
+    ratio, of = way[moved] / human[moved], [name for name, there in zip(scene, moved, strict=True) if there]
+
+    def ratios(statistic: Callable[[np.ndarray], float]) -> WithInterval:
+        return statistics.bootstrap(lambda i: statistic(ratio[i]), len(ratio), groups=of).percent
+
+    out = {
+        "no_at_fault_collision_percent": statistics.rate([not d.at_fault for d in drives]).percent,
+        "off_road_percent": statistics.rate([d.off_road for d in drives]).percent,
+        "progress_percent": statistics.bootstrap(
+            lambda i: way[i].sum() / human[i].sum() if human[i].sum() > 0 else np.nan, len(drives), groups=scene
+        ).percent,
+        "progress_median_percent": ratios(lambda x: float(np.median(x))),
+        "progress_capped_percent": ratios(lambda x: float(np.minimum(x, 1).mean())),
     }
+    for whose in ("", "human_"):
+        changes = [_changes(drive, whose) for drive in drives]
+        for quantity, (name, unit) in enumerate(COMFORT.items()):
+            parts = [change[min(quantity, 2)] if quantity < 3 else -change[0] for change in changes]
+            statistic = _root_mean_square(parts) if quantity < 3 else _percentile(parts)
+            out[f"{whose}{name}_{unit}"] = statistics.bootstrap(statistic, len(drives), groups=scene)
+    return out
+
+
+def counts(drives: Sequence[Drive]) -> dict[str, int]:
+    """What is counted and not estimated."""
+    others = sum(d.contact != Contact.NONE and not d.at_fault for d in drives)
+    return {"drives": len(drives), "other_contacts": others}
 
 
 COMFORT = {"acceleration_rms": "mps2", "jerk_rms": "mps3", "lateral_rms": "mps2", "braking_p99": "mps2"}
 
 
-def _comfort(drives: Sequence[Drive], whose: str) -> dict[str, float]:
-    """Root mean squares over all steps, by the same differences of speed and heading for everybody."""
-    acceleration, jerk, lateral = [], [], []
-    for drive in drives:
-        speed, path = getattr(drive, f"{whose}speed"), getattr(drive, f"{whose}path")
-        change = np.diff(speed) / drive.period
-        acceleration.append(change)
-        jerk.append(np.diff(change) / drive.period)
-        lateral.append(speed[1:] * np.diff(np.unwrap(path[:, 2])) / drive.period)
-    a, j, b = (np.concatenate(x) for x in (acceleration, jerk, lateral))
-    root = (float(np.sqrt(np.mean(x**2))) for x in (a, j, b))
-    return dict(zip(COMFORT, (*root, float(np.percentile(-a, 99))), strict=True))
+def _changes(drive: Drive, whose: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Acceleration, jerk and lateral acceleration of one drive, by the same differences for everybody."""
+    speed, path = getattr(drive, f"{whose}speed"), getattr(drive, f"{whose}path")
+    change = np.diff(speed) / drive.period
+    lateral = speed[1:] * np.diff(np.unwrap(path[:, 2])) / drive.period
+    return change, np.diff(change) / drive.period, lateral
+
+
+def _root_mean_square(parts: Sequence[np.ndarray]) -> Callable[[np.ndarray], float]:
+    """Over all steps of the drives that are drawn."""
+    squares, sizes = np.array([(x**2).sum() for x in parts]), np.array([len(x) for x in parts])
+    return lambda index: float(np.sqrt(squares[index].sum() / sizes[index].sum()))
+
+
+def _percentile(parts: Sequence[np.ndarray]) -> Callable[[np.ndarray], float]:
+    return lambda index: float(np.percentile(np.concatenate([parts[i] for i in index]), 99))
 
 
 def table(drives: Sequence[Drive]) -> dict[str, list[Any]]:
     """One row per scene and one for all."""
     rows = {name: score(part) for name, part in scenes_of(drives).items()}
+    counted = [counts(part) for part in scenes_of(drives).values()]
 
     def pair(name: str) -> list[str]:
-        return [f"{row[name]:.2f} / {row[f'human_{name}']:.2f}" for row in rows.values()]
+        return [f"{row[name].value:.2f} / {row[f'human_{name}'].value:.2f}" for row in rows.values()]
 
-    def column(name: str) -> list[Any]:
-        return [row[name] for row in rows.values()]
+    def column(name: str) -> list[str]:
+        return [row[name].text() for row in rows.values()]
 
     return {
         "scene": list(rows),
-        "drives": [int(n) for n in column("drives")],
+        "drives": [row["drives"] for row in counted],
         "no at-fault collision [%]": column("no_at_fault_collision_percent"),
-        "other contacts": [int(n) for n in column("other_contacts")],
+        "other contacts": [row["other_contacts"] for row in counted],
         "off the road [%]": column("off_road_percent"),
         "progress of the human's [%]": column("progress_percent"),
         "median": column("progress_median_percent"),
@@ -94,12 +118,12 @@ def problems(drives: Sequence[Drive]) -> dict[str, list[Any]]:
 
 
 def problem_score(drives: Sequence[Drive]) -> dict[str, float]:
-    """Shares of the planning problems: name with unit to value."""
+    """Shares of the planning problems with their Wilson intervals: name with unit to value."""
     return {
         "problems": float(len(drives)),
-        "no_at_fault_collision_percent": 100 * float(np.mean([not d.at_fault for d in drives])),
-        "off_road_percent": 100 * float(np.mean([d.off_road for d in drives])),
-        "goal_reached_percent": 100 * float(np.mean([bool(d.reached) for d in drives])),
+        **statistics.rate([not d.at_fault for d in drives]).percent.flat("no_at_fault_collision_percent"),
+        **statistics.rate([d.off_road for d in drives]).percent.flat("off_road_percent"),
+        **statistics.rate([bool(d.reached) for d in drives]).percent.flat("goal_reached_percent"),
     }
 
 

@@ -10,6 +10,7 @@ from jax import Array
 from scipy import stats
 
 from experiments.register.bench import Bench, Found, Seen
+from urbanjax.evaluation import statistics
 from urbanjax.localization import motion, sliding
 from urbanjax.localization.sliding import SlidingParams
 from urbanjax.registration.distributions import DistributionMap
@@ -64,8 +65,12 @@ class Calibration:
 
     def coverage(self, level: float | None = None, scale: float | None = None) -> float:
         """Share of the test errors inside the ellipsoid of `level`, with the fitted or another scale."""
+        return float(self.inside(level, scale).mean())
+
+    def inside(self, level: float | None = None, scale: float | None = None) -> np.ndarray:
+        """Which test errors [N] are inside that ellipsoid."""
         level, scale = self.level if level is None else level, self.scale if scale is None else scale
-        return float((self.test.nees / scale <= stats.chi2.ppf(level, DEGREES)).mean())
+        return self.test.nees / scale <= stats.chi2.ppf(level, DEGREES)
 
 
 def fitted_scale(nees: np.ndarray, level: float) -> float:
@@ -122,8 +127,8 @@ def summary(found: Calibration) -> dict[str, float]:
     """Flat numbers."""
     return {
         "covariance_scale": found.scale,
-        "coverage_share": found.coverage(),
-        "coverage_unscaled_share": found.coverage(scale=1.0),
+        **statistics.rate(found.inside()).flat("coverage_share"),
+        **statistics.rate(found.inside(scale=1.0)).flat("coverage_unscaled_share"),
         "coverage_at_50_percent_share": found.coverage(0.5),
         "coverage_at_99_percent_share": found.coverage(0.99),
         **{

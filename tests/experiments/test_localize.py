@@ -82,7 +82,7 @@ def method(errors, scans=None) -> Method:
 
 
 def test_coverage_is_of_all_scans_and_divergence_for_good():
-    assert method([0.1, 0.2, 0.7, 0.1], scans=8).coverage == 3 / 8
+    assert method([0.1, 0.2, 0.7, 0.1], scans=8).coverage.value == 3 / 8
     assert method([0.1, 3.0, 0.1, 3.0, 4.0]).diverged == 3
     assert method([0.1, 3.0, 0.1]).diverged is None
     assert method([3.0, 3.0]).diverged == 0

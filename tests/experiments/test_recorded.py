@@ -230,7 +230,7 @@ def test_scores_known_answers():
         made(name="3", way=5.0, human=0.0, contact=Contact.REAR),
         made(name="4", way=15.0, human=15.0, contact=Contact.FRONT, at_fault=True, off=True),
     ]
-    found = table.score(drives)
+    found = {name: value.value for name, value in table.score(drives).items()} | table.counts(drives)
     assert found["no_at_fault_collision_percent"] == 75
     assert found["other_contacts"] == 1
     assert found["off_road_percent"] == 25
@@ -239,6 +239,8 @@ def test_scores_known_answers():
     assert found["acceleration_rms_mps2"] == 0
     assert found["human_acceleration_rms_mps2"] == pytest.approx(1)
     assert found["human_braking_p99_mps2"] == pytest.approx(1)
+    safe = table.score(drives)["no_at_fault_collision_percent"]
+    assert (safe.low, safe.high) == pytest.approx((30.06, 95.44), abs=0.01)
     wrong = table.failures(drives, {"a": {"9": "leaves the map"}})
     assert wrong["vehicle"] == ["3", "4", "4", "9"]
     assert wrong["what"] == ["not at fault", "at fault", "off the road", "left out"]

@@ -68,6 +68,11 @@ def test_table_of_the_overtaking_study(study):
     assert flat["tau_1_no_clamp_collisions"] == 1
     assert flat["tau_0_progress_m"] == pytest.approx(32.0)
     assert flat["starts_lane_free"] == 2
+    assert flat["tau_1_progress_gain_m"] == pytest.approx(4.0)
+    assert flat["tau_1_no_clamp_collisions_share_low"] < 1 / 3 < flat["tau_1_no_clamp_collisions_share_high"]
+    shown = overtake.with_intervals(study)
+    row = shown[""].index("progress [m]")
+    assert shown["tau 1"][row].startswith("36.0 [")
     assert len(overtake.starts(study)["tau"]) == 12
 
 
@@ -120,11 +125,15 @@ def test_table_of_the_highway_study(tmp_path):
     assert table["driver"] == ["stack", "IDM"]
     assert table["collisions"] == [1, 0]
     assert table["off the road"] == [0, 1]
-    assert table["mean speed [m/s]"] == pytest.approx([23.0, 20.5])
+    assert [text.split()[0] for text in table["mean speed [m/s]"]] == ["23.00", "20.50"]
+    assert table["collisions [%]"][0] == "50.0 [9.5, 90.5]"
     assert table["step [ms]"][0] == pytest.approx(10.0)
     flat = highway.summary(rows)
     assert flat["highway-v0_stack_collisions"] == 1
     assert flat["highway-v0_idm_mean_speed_mps"] == pytest.approx(20.5)
+    assert flat["highway-v0_idm_mean_speed_mps_low"] == 20.0
+    assert flat["highway-v0_stack_collisions_share_high"] == pytest.approx(0.905, abs=1e-3)
+    assert flat["highway-v0_faster_than_idm_mps"] == pytest.approx(2.5)
     assert len(highway.tracks(episodes)["time_s"]) == 4 * 31
     highway_figures.draw(rows, tmp_path / "highway.png")
     assert (tmp_path / "highway.png").stat().st_size > 5000

@@ -1,0 +1,104 @@
+"""How sure a number over runs is: Wilson intervals of rates, bootstrap intervals of everything else (host side)."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from urbanjax.types import ScenarioError
+
+LEVEL, DRAWS = 0.95, 2000
+
+
+class WithInterval(NamedTuple):
+    """A number over runs and the ends of its interval; NaN throughout where there are no runs."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def percent(self) -> "WithInterval":
+        """A share in percent."""
+        return WithInterval(*(100 * x for x in self))
+
+    def flat(self, name: str) -> dict[str, float]:
+        """As entries of a summary: `name`, `name_low` and `name_high`. Args: name with unit."""
+        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
+
+    def text(self, digits: int = 1) -> str:
+        """As a cell of a table: 98.6 [92.3, 99.7]. Args: digits after the point."""
+        if np.isnan(self.value):
+            return "-"
+        value, low, high = (f"{x:.{digits}f}" for x in self)
+        return value if np.isnan(self.low) else f"{value} [{low}, {high}]"
+
+
+def rate(happened: Sequence[Any] | np.ndarray, *, level: float = LEVEL) -> WithInterval:
+    """The share of runs in which something happened, with its Wilson score interval (Wilson 1927).
+
+    Args: happened [N], one truth value per run; level, nominal coverage.
+    """
+    found = np.asarray(happened, bool)
+    if not found.size:
+        return WithInterval(np.nan, np.nan, np.nan)
+    ends = stats.binomtest(int(found.sum()), found.size).proportion_ci(level, method="wilson")
+    return WithInterval(float(found.mean()), float(ends.low), float(ends.high))
+
+
+def mean(values: Any, *, groups: Any = None, level: float = LEVEL, seed: int = 0) -> WithInterval:
+    """The mean over runs with its bootstrap interval.
+
+    Args: values [N], finite; groups [N], what each run belongs to (default: every run stands alone); level, nominal
+    coverage; seed of the draws.
+    """
+    numbers = np.asarray(values, float)
+    return bootstrap(lambda index: numbers[index].mean(), len(numbers), groups=groups, level=level, seed=seed)
+
+
+def bootstrap(
+    statistic: Callable[[np.ndarray], float],
+    count: int,
+    *,
+    groups: Any = None,
+    level: float = LEVEL,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> WithInterval:
+    """A number over runs with its percentile bootstrap interval (Efron 1979); whole groups are drawn.
+
+    Runs of one scene, or scans of one stretch, depend on each other: drawing them one by one would promise too much.
+    With a single group its runs are drawn, since nothing else is left. The interval of fewer than two runs is NaN.
+    Args: statistic, of the indices of some of the runs, with repeats (NaN where they say nothing); count, N runs;
+    groups [N], what each belongs to (default: every run stands alone); level, nominal coverage; draws, their number;
+    seed of the draws. Raises ScenarioError for another number of groups than of runs.
+    """
+    every = np.arange(count)
+    if groups is not None and len(groups) != count:
+        raise ScenarioError(f"{len(groups)} groups for {count} runs: name the group of each run")
+    if not count:
+        return WithInterval(np.nan, np.nan, np.nan)
+    value = float(statistic(every))
+    if count < 2:
+        return WithInterval(value, np.nan, np.nan)
+    names = every if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1].ravel()
+    names = every if names.max() == 0 else names
+    members = [np.flatnonzero(names == name) for name in range(names.max() + 1)]
+    rng = np.random.default_rng(seed)
+    chosen = rng.integers(0, len(members), (draws, len(members)))
+    if len(members) == count:
+        drawn = [statistic(row) for row in chosen]
+    else:
+        drawn = [statistic(np.concatenate([members[k] for k in row])) for row in chosen]
+    known = np.asarray(drawn, float)
+    known = known[~np.isnan(known)]
+    if not known.size:
+        return WithInterval(value, np.nan, np.nan)
+    low, high = np.quantile(known, ((1 - level) / 2, (1 + level) / 2))
+    return WithInterval(value, float(low), float(high))
+
+
+def stretches(count: int, blocks: int = 40) -> np.ndarray:
+    """Groups [N] of consecutive samples of one drive, as many in each. Args: count, N; blocks, their number."""
+    return np.arange(count) * min(blocks, max(count, 1)) // max(count, 1)
