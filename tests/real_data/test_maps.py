@@ -3,6 +3,7 @@
 The numbers were compared lane by lane with commonroad-io 2026.1, lanelet2 1.2.3 (vehicles, German rules) and sumolib.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ COMMONROAD = {
 }
 # Links that the geometry turns round, and those that it leaves out.
 REPAIRED = {"CHN_Merging-1": (6, 1), "CHN_Roundabout-1": (37, 20), "USA_Roundabout-1": (12, 4)}
+locate_jit = jax.jit(locate)
 RECORDED = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
 
 
@@ -84,7 +86,7 @@ def test_recorded_traffic_drives_on_the_lanes(data_dir, name):
     at = np.linspace(0, recording.n_times - 1, 5).astype(int)
     valid = recording.valid[at]
     position, heading = recording.position[at][valid], recording.heading[at][valid]
-    place = locate(found.graph, jnp.asarray(position, jnp.float32), heading=jnp.asarray(heading, jnp.float32))
+    place = locate_jit(found.graph, jnp.asarray(position, jnp.float32), heading=jnp.asarray(heading, jnp.float32))
     assert bool(np.all(np.asarray(place.valid)))
     assert np.percentile(np.abs(place.offset), 90) < 1.6
     assert np.percentile(np.abs(place.heading_error), 90) < 0.25
@@ -98,7 +100,8 @@ def test_a_planning_problem_of_lankershim_can_be_routed(data_dir):
     (problem,) = found.problems
     goal = problem.goals[0].regions[0]
     ends = np.array([problem.position, goal.centre], np.float32)
-    place = locate(found.graph, jnp.asarray(ends), heading=jnp.asarray([problem.heading, goal.heading], jnp.float32))
+    heading = jnp.asarray([problem.heading, goal.heading], jnp.float32)
+    place = locate_jit(found.graph, jnp.asarray(ends), heading=heading)
     start, end = (int(link) for link in place.link)
     route = route_between(found.graph, start, goal=end)
     assert [found.ids[int(link)] for link in route.link[route.valid]] == [3630, 3650, 3614]
