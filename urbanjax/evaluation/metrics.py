@@ -138,7 +138,7 @@ def inverse_ttc(log: Log, vehicle: VehicleParams, *, relaxation: Relaxation) -> 
     half_length = 0.5 * (others.length * c + others.width * s + vehicle.length)
     half_width = 0.5 * (others.length * s + others.width * c + vehicle.width)
     in_way = soft.above(half_width - jnp.abs(across - 0.5 * turn * ahead * ahead), 0.0, relaxation)
-    in_way = in_way * soft.above(ahead, 0.0, relaxation, scale=AHEAD_SCALE) * others.valid
+    in_way = jnp.where(others.valid, in_way * soft.above(ahead, 0.0, relaxation, scale=AHEAD_SCALE), 0)
     closing = jnp.maximum(ego.speed[:, None] - others.speed * jnp.cos(turned), 0.0)
     urgency = in_way * closing / jnp.maximum(ahead - half_length, LEAST_GAP)
     # A soft maximum of nothing but zeros is above 0: taken off, it leaves 0 where nobody closes.

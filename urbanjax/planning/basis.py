@@ -23,7 +23,7 @@ def hat(
     index = np.arange(count, dtype=query.dtype)[None, :]
     # Told by the cell and not as max(0, 1 - |u - index|): there on a grid point the derivatives would not add up to 0.
     fraction = inside[:, None] - cell
-    weights = (index == cell) * (1 - fraction) + (index == cell + 1) * fraction
+    weights = jnp.where(index == cell, 1 - fraction, 0) + jnp.where(index == cell + 1, fraction, 0)
     if not extrapolate:
         return weights
     last = np.zeros(count, query.dtype)

@@ -149,6 +149,6 @@ def beside(
     last = graph.centre.shape[1] - 1
     steps = jnp.clip(station * last / graph.length[link], 0, last)
     k = jnp.clip(jnp.floor(steps).astype(int), 0, last - 1)
-    f = steps - k
+    f = steps - k.astype(steps.dtype)
     a, b = (jnp.where(left, graph.left_station[link, i], graph.right_station[link, i]) for i in (k, k + 1))
     return a * (1 - f) + b * f

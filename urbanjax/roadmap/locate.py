@@ -165,7 +165,7 @@ def _nearest(graph: RoadGraph, links: Int[Array, "n k"], position: Array) -> tup
     square = jnp.sum((r - t[..., None] * d) ** 2, axis=-1)
     i = jnp.argmin(square, axis=-1)[..., None]
     t, square = (jnp.take_along_axis(x, i, axis=-1)[..., 0] for x in (t, square))
-    place = i[..., 0] + t
+    place = i[..., 0].astype(t.dtype) + t
     k = i[..., 0]
     heading = graph.heading[links, k] * (1 - t) + graph.heading[links, k + 1] * t
     return place * graph.length[links] / (line.shape[2] - 1), jnp.sqrt(square), heading

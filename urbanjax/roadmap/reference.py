@@ -63,7 +63,7 @@ def walk(graph: RoadGraph, route: Route) -> Walk:
     def cover(start: Array, entry: tuple[Array, ...]) -> tuple[Array, tuple[Array, Array]]:
         link, changes, to_left, remaining = entry
         rest = graph.length[link] - start
-        part = jnp.where(changes, rest / jnp.maximum(remaining, 1), rest)
+        part = jnp.where(changes, rest / jnp.maximum(remaining, 1).astype(rest.dtype), rest)
         then = jnp.where(changes, beside(graph, link, station=start + part, left=to_left), 0)
         return then, (start, part)
 

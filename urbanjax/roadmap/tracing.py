@@ -86,7 +86,7 @@ def trace(mission: Mission, link: Array, *, leg: Array, moved: Array, n_links: i
     def step(carry: tuple[Array, ...], _: None) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         link, leg, moved, variant, cost, driving, reachable = carry
         arrived = (link == targets[leg % n_targets]) & moved
-        leg = leg + arrived
+        leg = leg + arrived.astype(leg.dtype)
         done = leg == mission.n_legs
         fresh, possible = choose(link, leg)
         variant = jnp.where(arrived, fresh, variant)

@@ -71,7 +71,7 @@ def _table(graph: RoadGraph, n_points: int) -> Array:
     knots = graph.station.shape[1]
     where = jnp.linspace(0.0, knots - 1, n_points, dtype=graph.centre.dtype)
     index = jnp.clip(jnp.floor(where).astype(jnp.int32), 0, knots - 2)
-    share = (where - index)[None, :]
+    share = (where - index.astype(where.dtype))[None, :]
 
     def along(values: Array) -> Array:
         return values[:, index] * (1 - share) + values[:, index + 1] * share

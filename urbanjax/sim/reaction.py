@@ -95,7 +95,7 @@ def braking(
         on_chain = (seen.link[:, None] == chain.link[m][None, :]) & (distance > -REACH)
         ahead = jnp.where(on_chain, jnp.minimum(ahead, distance), ahead)
     counts = seen.exists if params.reacts_to_oncoming else seen.exists & (seen.speed >= 0)
-    inside = soft.above(seen.reach, 0.0, relaxation, scale=reaction.lateral_scale) * counts
+    inside = jnp.where(counts, soft.above(seen.reach, 0.0, relaxation, scale=reaction.lateral_scale), 0)
     passed = soft.above(ahead, 0.0, relaxation, scale=reaction.passing_scale)
     gap = ahead - 0.5 * (seen.length + traffic.length)[None, :]
     shape = gap.shape

@@ -34,7 +34,7 @@ def neighbours(
         own, other = (jax.tree.map(operator.itemgetter(team), forest) for team in pair)
         found, _ = nearest_among(own, other, k=most + 1)
         # A sample is its own nearest one, or ties with it.
-        return found[jnp.asarray(ranks) - (pair[0] != pair[1])]
+        return found[jnp.asarray(ranks) - (pair[0] != pair[1]).astype(int)]
 
     first, second = (jnp.asarray(team, jnp.int32) for team in zip(*pairs, strict=True))
     return lax.map(search, (first, second))

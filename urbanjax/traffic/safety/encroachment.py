@@ -70,7 +70,7 @@ def _encroachment(
         return jnp.any((box_gap(first, moved) <= 0) & counts)
 
     met = jax.lax.map(meets, jnp.arange(min(window, count - 1) + 1))
-    return jnp.where(jnp.any(met), jnp.argmax(met) * jnp.asarray(dt, first.x.dtype), jnp.inf)
+    return jnp.where(jnp.any(met), jnp.argmax(met).astype(first.x.dtype) * dt, jnp.inf)
 
 
 def conflict_area(first: Objects, second: Objects, *, dt: float | Array) -> ConflictArea:

@@ -84,13 +84,12 @@ def measure(tracks: Objects, dt: float | Array, *, params: SafetyParams, leaders
 
     def sample(so_far: tuple[Array, Array], now: tuple[Objects, Leaders | None]) -> tuple[tuple[Array, Array], Series]:
         ttc, dangerous, series = _sample(*now, params)
-        return (jnp.minimum(so_far[0], ttc), so_far[1] + dangerous), series
+        return (jnp.minimum(so_far[0], ttc), so_far[1] + dangerous.astype(jnp.int32)), series
 
     nothing = jnp.full((n, n), jnp.inf, tracks.speed.dtype), jnp.zeros((n, n), jnp.int32)
     (ttc, dangerous), series = jax.lax.scan(sample, nothing, (tracks, leaders))
-    pairs = PairMeasures(
-        ttc, encroachments(tracks, dt, window=params.pet_window), dangerous * jnp.asarray(dt, ttc.dtype)
-    )
+    time = dangerous.astype(ttc.dtype) * dt
+    pairs = PairMeasures(ttc, encroachments(tracks, dt, window=params.pet_window), time)
     return Safety(series, pairs, _summary(series, pairs, tracks.valid, dt, params))
 
 
