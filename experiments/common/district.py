@@ -1,5 +1,6 @@
 """The stated world: a furnished district, a point-cloud map of it from a drive of its own, and a drive to localize."""
 
+import functools
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from urbanjax.course import Course, course_between
 from urbanjax.io.clouds import pointmap
-from urbanjax.localization import lidar, mapping
+from urbanjax.localization import capacity, lidar, mapping
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.registration import MapParams, PointCloud, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams, downsample
@@ -36,6 +37,7 @@ from urbanjax.types import (
 
 FIRST = 1  # the link on which the drives begin
 LEAST = 10  # scans of a drive
+LOOKED_AT = 16  # scans that capacities are chosen from
 
 
 @pytree
@@ -48,7 +50,7 @@ class MappingParams:
     }
 
     drive: TourParams = TourParams(speed=10.0, offset=0.7)
-    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))
+    preprocess: PreprocessParams = PreprocessParams(downsample=DownsampleParams(resolution=0.5))
     distributions: MapParams = MapParams()
     spacing: float = field(default=4.0, metadata=POSITIVE)  # m between two scans
     resolution: float = field(default=0.5, metadata=POSITIVE)  # m, of the point-cloud map
@@ -126,6 +128,7 @@ def survey(
     rng = np.random.default_rng(np.asarray(jax.random.key_data(key)))
     fine = DownsampleParams(capacity=8) if fine is None else fine
     clear = mounted(localizer, sensor, how.drive.period).replace(preprocess=how.preprocess, sensing_radius=how.reach)
+    clear = capacity.fitted(clear, scans=some_scans(clear, sensor, surroundings, drive, alone=True))
     args = as_arrays((sensor, clear, fine))
 
     @jax.jit
@@ -147,6 +150,29 @@ def observation(scan: Scan, odometry: Odometry) -> Observation:
     """What a localizer looks at, without the rest."""
     nothing: dict = {"objects": None, "signals": None}
     return Observation(odometry=odometry, scan=scan, **nothing)
+
+
+def some_scans(
+    localizer: LidarLocalizerParams, sensor: LidarParams, surroundings: Scenery, way: Tour, *, alone: bool = False
+) -> list[np.ndarray]:
+    """The points [N, 3] m that are looked at in some scans along a tour. Args: alone, without the moving vehicles."""
+    args = as_arrays((localizer, sensor))
+    found = []
+    for k in np.unique(np.linspace(0, len(way.time) - 1, LOOKED_AT).astype(int)):
+        points, valid = jax.device_get(_points(*args, surroundings, way, jnp.asarray(k), alone=alone))
+        found.append(points[valid])
+    return found
+
+
+@functools.partial(jax.jit, static_argnames="alone")
+def _points(
+    localizer: LidarLocalizerParams, sensor: LidarParams, surroundings: Scenery, way: Tour, k: jax.Array, alone: bool
+) -> tuple[jax.Array, jax.Array]:
+    ego, yaw_rate, odometry, vehicles = jax.tree.map(
+        lambda x: x[k], (way.ego, way.yaw_rate, way.odometry, None if alone else way.vehicles)
+    )
+    scan = sweep(sensor, surroundings, vehicles=vehicles, ego=ego, yaw_rate=yaw_rate, key=jax.random.key(0))
+    return lidar.points_of(localizer, observation(scan, odometry))
 
 
 def mounted(

@@ -16,19 +16,18 @@ from urbanjax.io.figures.style import BAD, GOOD, figure
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
 from urbanjax.localization import odometry
-from urbanjax.registration.downsample import voxels
+from urbanjax.localization.capacity import fitted
 from urbanjax.registration.register import size
 from urbanjax.types import FileError, as_arrays
 
 LOOKED_AT = 16  # scans that the capacity of all is chosen from, where none is set
-SPARE = 1.25  # of what the fullest of them needs
 
 
 def study(params: LocalizeStudy, run: Run) -> report.Section:
     """Odometry over all scans of the folder, written as KITTI poses; with known poses also its errors."""
     files = scans_in(Path(params.folder))
     truth = _truth(params, len(files))
-    capacity = params.localizer.preprocess.downsample.capacity or capacity_for(params, files)
+    capacity = capacity_for(params, files)
     with progress.bar("odometry") as tick:
         poses, rows = drive(params, files, capacity, lambda k: tick(files[k].name, k / len(files)))
     write_kitti(run.path("poses.txt"), poses)
@@ -62,10 +61,9 @@ def scans_in(folder: Path) -> list[Path]:
 
 
 def capacity_for(params: LocalizeStudy, files: list[Path]) -> int:
-    """Points that a thinned scan needs, and some to spare, by a look at a few of the scans."""
+    """Points of a thinned scan: as set, or what they need and some to spare, by a look at a few of the scans."""
     chosen = np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int))
-    resolution = float(params.localizer.preprocess.downsample.resolution)
-    return size(int(SPARE * max(voxels(_near(params, files[k]), resolution) for k in chosen)))
+    return fitted(params.localizer, scans=[_near(params, files[k]) for k in chosen]).capacity
 
 
 def dropped(counts: list[int], capacity: int) -> str:

@@ -11,6 +11,8 @@ from urbanjax.evaluation import statistics
 from urbanjax.io.clouds import pointmap
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
+from urbanjax.localization import capacity
+from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.types import as_arrays
 
 STATED = (
@@ -115,6 +117,13 @@ FAULT_NAMES = (
 )
 
 
+def _fitted(study: LocalizeStudy, world: World) -> LidarLocalizerParams:
+    """The localizer with room for the map and the scans of this world, where none is set."""
+    here = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
+    scans = district.some_scans(here, study.world.sensor, world.surroundings, world.tour)
+    return capacity.fitted(study.localizer, world=world.course.map, scans=scans)
+
+
 def write(params: LocalizeStudy, run: Run) -> None:
     """Run the study, or odometry on a folder, and write a report."""
     if params.folder:
@@ -124,6 +133,7 @@ def write(params: LocalizeStudy, run: Run) -> None:
             world = district.build(params.world, params.localizer, tick, params.map)
         if not params.map:
             pointmap.save(run.path("map.npz"), world.points)
+        params = params.replace(localizer=_fitted(params, world))
         faults.checked(params.faults, world.tour, float(params.world.drive.period))
         loop.checked(params.loop, world.course.graph)
         section, tracks = table2(params, world, run)

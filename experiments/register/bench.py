@@ -11,9 +11,9 @@ import numpy as np
 from jax import Array
 
 from experiments.common import timing
-from experiments.common.district import mounted, observation
+from experiments.common.district import mounted, observation, some_scans
 from experiments.register.stretch import Stretch
-from urbanjax.localization import lidar, mapping, motion
+from urbanjax.localization import capacity, lidar, mapping, motion
 from urbanjax.localization.lidar import PLANE, LidarLocalizerParams
 from urbanjax.registration import Alignment, AlignParams, MapParams, PointCloud, align, voxelmap
 from urbanjax.registration.distributions import DistributionMap
@@ -98,7 +98,9 @@ class Bench:
     ):
         """Args: period [s], between two scans."""
         self.stretch, self.programs = stretch, BenchPrograms()
-        self.localizer, self.sensor = as_arrays((mounted(localizer, sensor, period), sensor))
+        here = mounted(localizer, sensor, period)
+        scans = some_scans(here, sensor, stretch.surroundings, stretch.tour)
+        self.localizer, self.sensor = as_arrays((capacity.fitted(here, scans=scans), sensor))
         self.neighbours, self.period = neighbours, float(period)
         self._maps: dict[tuple[str, float], VoxelMap] = {}
         self._sizes: dict[tuple[str, float, float], CutParams] = {}

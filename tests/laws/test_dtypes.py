@@ -40,12 +40,13 @@ def test_the_closed_loop_and_its_metrics():
 
 def test_registration_and_localization():
     points, valid = jnp.ones((500, 3)), jnp.ones(500, bool)
+    how = as_arrays(registration.AlignParams())
     params = as_arrays(PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=256)))
 
     def pose(points):
         cloud, _ = registration.preprocess(points, valid, params=params)
         world = registration.build(cloud, as_arrays(MAP))
-        return registration.align(cloud, world, start=jaxlie.SE3.identity(), params=as_arrays(registration.AlignParams()))
+        return registration.align(cloud, world, start=jaxlie.SE3.identity(), params=how)
 
     assert jax.eval_shape(pose, points).covariance.dtype == jnp.float32
 

@@ -8,6 +8,8 @@ from jaxtyping import Float
 from urbanjax.registration.distributions import DistributionMap, MapParams, index_of, within
 from urbanjax.types import CloudError, pytree, static
 
+CAPACITY = 32768  # voxels of a window, where none is set
+
 
 @pytree
 class VoxelMap:
@@ -30,8 +32,14 @@ class VoxelMap:
 class CutParams:
     """Sizes of a window: they cost memory and time whatever the map holds."""
 
-    capacity: int = static(default=32768)  # voxels that hold something
+    # voxels that hold something; None: enough for most (localization.capacity chooses by the map)
+    capacity: int | None = static(default=None)
     shape: tuple[int, int, int] = static(default=(208, 208, 32))  # voxels along x, y and z
+
+    @property
+    def size(self) -> int:
+        """The capacity, whether it was set or not."""
+        return CAPACITY if self.capacity is None else self.capacity
 
 
 def voxelise(
@@ -113,13 +121,13 @@ def cut(
     kept = there & within(cell, shape) & (away[0] ** 2 + away[1] ** 2 < radius**2)
     cells = shape[0] * shape[1] * shape[2]
     place = jnp.where(kept, index_of(cell, shape), cells)
-    numbers = jnp.arange(params.capacity, dtype=jnp.int32)
-    table = jnp.full(cells, params.capacity, jnp.int32).at[place].set(numbers, mode="drop")
+    numbers = jnp.arange(params.size, dtype=jnp.int32)
+    table = jnp.full(cells, params.size, jnp.int32).at[place].set(numbers, mode="drop")
     count = jnp.where(kept, held[:, 9], 0)
     rows = jnp.concatenate([mean.T, held[:, 3:9], count[:, None]], axis=1)
     rows = jnp.concatenate([rows, jnp.zeros((1, 10), dtype)])
     window = DistributionMap(origin, size, table, rows, shape=shape, method=world.method)
-    return window, jnp.maximum(total - params.capacity, 0)
+    return window, jnp.maximum(total - params.size, 0)
 
 
 def _stretches(world: VoxelMap, corner: Array, params: CutParams) -> tuple[Array, Array, Array]:
@@ -132,7 +140,7 @@ def _stretches(world: VoxelMap, corner: Array, params: CutParams) -> tuple[Array
     begin, end = world.start[known, left], world.start[known, right]
     count = jnp.where((row >= 0) & (row < rows), end - begin, 0)
     ends = jnp.cumsum(count)
-    slot = jnp.arange(params.capacity, dtype=jnp.int32)
+    slot = jnp.arange(params.size, dtype=jnp.int32)
     which = jnp.minimum(jnp.sum(slot[:, None] >= ends[None, :], axis=1), len(row) - 1)
     there = slot < ends[-1]
     return jnp.where(there, (begin - ends + count)[which] + slot, 0), there, ends[-1]
