@@ -1,4 +1,4 @@
-"""The closed loop: the stack drives in the simulator, as one scan. Here stack and simulator meet, nowhere else."""
+"""The closed loop: a driver in the simulator, as one scan. Here driver and simulator meet, nowhere else."""
 
 import dataclasses
 from collections.abc import Callable
@@ -7,16 +7,15 @@ from typing import Any, ClassVar
 import jax
 from jax import Array
 
-from urbanjax import stack
 from urbanjax.course import Course
 from urbanjax.sim import log, world
 from urbanjax.sim.checks import check_start
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
-from urbanjax.sim.world import Sensing, SimParams, WorldState
+from urbanjax.sim.world import HARD, Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
+from urbanjax.types import HANDED_DOWN, POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -36,6 +35,7 @@ class LoopParams:
     vehicle: VehicleParams = VehicleParams()  # the ego
     period: float = field(default=0.1, metadata=POSITIVE)  # s, of one step of the driver
     sensor: LidarParams = LidarParams()
+    driver: Any = field(default=None, metadata=HANDED_DOWN)  # who drives, see `drivers.protocol`; None: the stack
     stack: StackParams = StackParams()
     sim: SimParams = SimParams()
 
@@ -43,17 +43,21 @@ class LoopParams:
         """These alone, of a class that adds to them what an experiment asks."""
         return LoopParams(**{spec.name: getattr(self, spec.name) for spec in dataclasses.fields(LoopParams)})
 
-    def handed_down(self) -> tuple[StackParams, SimParams]:
+    def handed_down(self) -> tuple[Any, SimParams]:
         """Driver and simulator with the vehicle, the period and the sensor of this loop.
 
         Raises ConfigError (when traced) where one of them holds its own.
         """
-        for name, part in (("stack", self.stack), ("sim", self.sim)):
-            for spec in dataclasses.fields(part):
-                if spec.metadata.get("handed_down") and getattr(part, spec.name) is not None:
-                    raise ConfigError(f"'{name}.{spec.name}' is said twice: leave it None and set it in LoopParams")
-        stack = self.stack.replace(vehicle=self.vehicle, period=self.period, mount=self.sensor.mount)
-        return stack, self.sim.replace(vehicle=self.vehicle, lidar=self.sensor)
+        driver = ("stack", self.stack) if self.driver is None else ("driver", self.driver)
+        parts = {"vehicle": self.vehicle, "period": self.period, "mount": self.sensor.mount, "lidar": self.sensor}
+        filled = []
+        for name, part in (driver, ("sim", self.sim)):
+            asked = [spec.name for spec in dataclasses.fields(part) if spec.metadata.get("handed_down")]
+            for key in asked:
+                if getattr(part, key) is not None:
+                    raise ConfigError(f"'{name}.{key}' is said twice: leave it None and set it in LoopParams")
+            filled.append(dataclasses.replace(part, **{key: parts[key] for key in asked}))
+        return filled[0], filled[1]
 
 
 @pytree
@@ -68,8 +72,13 @@ class Trace:
     v_ref: Array  # [T] m/s, reference speed after all caps
 
 
-def trace(info: StackInfo) -> Trace:
-    """What figures and tables of a run need of a step. Args: info, of the stack in that step."""
+def trace(info: Any) -> Any:
+    """What figures and tables of a run need of a step; of another driver than the stack all that it says.
+
+    Args: info, of the driver in that step.
+    """
+    if not isinstance(info, StackInfo):
+        return info
     selection, lanes = info.choice.selection, info.speed_plan.lanes
     return Trace(
         path=selection.path,
@@ -87,33 +96,34 @@ def rollout(
     lanes: LaneTables,
     start: WorldState,
     n_steps: int,
-    keep: Callable[[StackInfo], Any] = trace,
+    keep: Callable[[Any], Any] = trace,
     sensing: Sensing | None = None,
 ) -> tuple[Log, Any]:
-    """Drive `n_steps` stack steps from `start`; returns the log and what `keep` keeps of the info, stacked over time.
+    """Drive `n_steps` steps from `start`; returns the log and what `keep` keeps of the info, stacked over time.
 
     Pure: jit it with static `n_steps` and `keep`, vmap it over starts and parameters, differentiate it with respect to
     parameters. Raises ScenarioError for a start that is not one run's, not finite or off the road: shapes always,
     values outside jit. Args: course, what the drive is about; lanes, the simulator's tables of its graph
-    (`sim.lanes.from_graph`); start, the world; n_steps, steps of the stack; keep, what is kept of the info
+    (`sim.lanes.from_graph`); start, the world; n_steps, steps of the driver; keep, what is kept of the info
     of each step; sensing, for a stack that localizes itself from scans.
     """
     check_start(lanes.graph, course.corridor, world=start)
     if n_steps < 1:
         raise ScenarioError(f"n_steps is {n_steps}: a rollout has at least one step")
     driver, sim = params.handed_down()
-    course, relaxation = course.replace(graph=lanes.graph), driver.relaxation  # one graph in the program, not two
+    course = course.replace(graph=lanes.graph)  # one graph in the program, not two
+    relaxation = getattr(driver, "relaxation", HARD)
 
     def body(carry: tuple, _: None) -> tuple[tuple, tuple]:
         state, now = carry
         seen = world.look(sim, lanes, world=now)
         observation = world.observe(sim, lanes, world=now, seen=seen, sensing=sensing)
-        command, following, info = stack.step(driver, course, state, observation)
+        command, following, info = driver.step(course, state, observation)
         entry = log.record(sim, lanes, world=now, command=command, relaxation=relaxation, seen=seen)
         after = world.step(sim, lanes, now, command, params.period, relaxation, seen)
         return (following, after), (entry, keep(info))
 
-    first = stack.init(driver, course, start.ego.pose)
+    first = driver.init(course, start.ego.pose)
     # The backward pass recomputes each step from its start: memory grows with the state alone, not with the plans.
     _, kept = jax.lax.scan(jax.checkpoint(body, prevent_cse=False), (first, start), length=n_steps)
     return kept

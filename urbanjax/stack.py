@@ -69,6 +69,19 @@ class StackParams:
         """The params of the localizer, with what it has to agree on with the others."""
         return self.lidar and self.lidar.replace(mount=self.mount, period=self.period)
 
+    def init(self, course: Course, pose: jaxlie.SE2) -> "StackState":
+        """The stack as a driver: `stack.init`. Args: course, of the drive; pose, T_world_body of the rear axle."""
+        return init(self, course, pose)
+
+    def step(
+        self, course: Course, state: "StackState", observation: Observation
+    ) -> tuple[Command, "StackState", "StackInfo"]:
+        """The stack as a driver: `stack.step`.
+
+        Args: course, of the drive; state, what is remembered; observation, of this step.
+        """
+        return step(self, course, state, observation)
+
 
 @pytree
 class StackState:

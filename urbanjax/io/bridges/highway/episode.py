@@ -12,7 +12,7 @@ from urbanjax.types import Objects
 
 
 @runtime_checkable
-class Driver(Protocol):
+class EnvironmentDriver(Protocol):
     """Who drives the ego."""
 
     step_seconds: list[float]  # wall time of each decision
@@ -76,7 +76,7 @@ def drive(
     env: Any,
     name: tuple[str, str],
     *,
-    driver: Driver,
+    driver: EnvironmentDriver,
     seed: int,
     duration: float,
     frame_every: int = 0,
