@@ -1,4 +1,4 @@
-"""Eq. 12 on real road networks: 500 random pairs of links each (Seoul: 100, slow: 500), equal to scipy's Dijkstra."""
+"""Eq. 12 on real road networks: 100 random pairs of links each (Seoul: 30; slow: 500), equal to scipy's Dijkstra."""
 
 import jax
 import jax.numpy as jnp
@@ -15,21 +15,27 @@ from urbanjax.types import Status
 
 pytestmark = pytest.mark.real_data
 
-PAIRS = 500
+# Folder, how many maps it holds at least, and how many pairs are drawn on each.
+FOLDERS = [
+    ("commonroad", 9, 100),
+    ("commonroad_recorded", 7, 100),
+    ("frenet_examples", 2, 100),
+    ("lanelet2", 2, 100),
+    ("racetracks", 4, 100),
+    ("sumo", 1, 30),
+]
 TABLES = ("valid", "length", "speed_limit", "successor", "has_successor")
 SIDES = tuple(
     f"{kind}{side}{end}" for side in ("left", "right") for kind, end in (("", "_link"), ("has_", ""), ("", "_change"))
 )
-# Long loops: what optimising takes is saved many times over.
-FAST = {"xla_backend_optimization_level": 2, "xla_cpu_use_fusion_emitters": True}
 
 
 def plan(graph, start, goal, params):
     return plan_route(graph, start, trip=Trip(goal), params=params)
 
 
-plan_routes = jax.jit(jax.vmap(plan, (None, 0, 0, None)), compiler_options=FAST)
-to_go = jax.jit(costs_to_go, compiler_options=FAST)
+plan_routes = jax.jit(jax.vmap(plan, (None, 0, 0, None)))
+to_go = jax.jit(costs_to_go)
 
 
 @pytest.fixture(scope="module")
@@ -54,15 +60,7 @@ def slim():
 
 @pytest.mark.parametrize(
     ("folder", "least", "pairs"),
-    [
-        ("commonroad", 9, PAIRS),
-        ("commonroad_recorded", 7, PAIRS),
-        ("frenet_examples", 2, PAIRS),
-        ("lanelet2", 2, PAIRS),
-        ("racetracks", 4, PAIRS),
-        ("sumo", 1, 100),
-        pytest.param("sumo", 1, PAIRS, marks=pytest.mark.slow),
-    ],
+    [*FOLDERS, *(pytest.param(folder, least, 500, marks=pytest.mark.slow) for folder, least, _ in FOLDERS)],
 )
 def test_routes_between_random_links(data_dir, slim, folder, least, pairs):
     files = sorted(file for file in (data_dir / "maps" / folder).iterdir() if "raceline" not in file.name)
