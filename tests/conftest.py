@@ -1,5 +1,6 @@
 """Strict mode for the whole suite: checked shapes, no silent rank promotion; warnings are errors (pyproject.toml)."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -7,8 +8,15 @@ from pathlib import Path
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
 # Most programs here are compiled once and run a few times, so compiling is what costs: it takes a quarter of the time
-# without optimisation. What XLA_FLAGS already says stays. `laws/test_batch.py` compares with optimised programs.
-QUICK = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": "false"}
+# without optimisation, and a quarter less without looking at loops. What XLA_FLAGS already says stays.
+# `laws/test_batch.py` compares with optimised programs.
+LOOPS = "simplify-while-loops,while-loop-invariant-code-motion,while-loop-constant-sinking"
+QUICK = {
+    "xla_backend_optimization_level": "0",
+    "xla_cpu_use_fusion_emitters": "false",
+    "xla_cpu_parallel_codegen_split_count": "1",
+    "xla_disable_hlo_passes": LOOPS,
+}
 if os.environ["JAX_PLATFORMS"] == "cpu":
     given = os.environ.get("XLA_FLAGS", "")
     added = [f"--{name}={value}" for name, value in QUICK.items() if name not in given]
@@ -22,6 +30,8 @@ import jax  # noqa: E402
 import pytest  # noqa: E402
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
+# Tracing allocates much and leaves few cycles: a fifth of its time went into looking for them.
+gc.set_threshold(50_000, 20, 100)
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 # Begun first, so that all workers end together.

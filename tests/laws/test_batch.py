@@ -14,7 +14,7 @@ from urbanjax.sim import world
 from urbanjax.types import as_arrays
 
 N_STEPS = 20
-OPTIMISED = {"xla_backend_optimization_level": 3}
+OPTIMISED = {"xla_backend_optimization_level": 3, "xla_disable_hlo_passes": ""}
 
 
 @pytest.mark.parametrize("n_starts", [16, pytest.param(64, marks=pytest.mark.slow)])
