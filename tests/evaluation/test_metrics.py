@@ -12,6 +12,9 @@ from urbanjax.vehicle.params import VehicleParams
 
 HARD, VEHICLE = Relaxation(), VehicleParams()
 evaluate = jax.jit(metrics.evaluate)
+clearance, collision, box_ttc, inverse_ttc = map(
+    jax.jit, (metrics.clearance, metrics.collision, metrics.box_ttc, metrics.inverse_ttc)
+)
 record = jax.jit(logs.record)
 STILL = Command(jnp.zeros(()), jnp.zeros(()))
 score = jax.jit(scores.score)
@@ -41,11 +44,11 @@ def test_progress_is_the_integral_of_the_speed():
 
 def test_clearance_known_answers():
     log = make([0.0, 5.0, 9.0], others=[(12.0, 0.0, 0.0, 0.0), (0.0, 3.5, 0.0, 0.0)])
-    found, others = metrics.clearance(log, VEHICLE, relaxation=HARD)
+    found, others = clearance(log, VEHICLE, relaxation=HARD)
     assert others.all()
     np.testing.assert_allclose(found, [3.5 - W, 3.5 - W, 3.0 - L], atol=1e-5)
     alone = make([0.0, 1.0])
-    assert not metrics.clearance(alone, VEHICLE, relaxation=HARD)[1].any()
+    assert not clearance(alone, VEHICLE, relaxation=HARD)[1].any()
     found = evaluate(alone, VEHICLE, relaxation=HARD)
     assert found.alone
     assert found.collision == 0
@@ -59,23 +62,23 @@ def test_clearance_known_answers():
 def test_collision_and_off_road_are_yes_or_no_when_hard():
     near = make([0.0, 5.0], others=[(11.0, 0.0, 0.0, 0.0)])
     hit = make([0.0, 7.0], others=[(11.0, 0.0, 0.0, 0.0)])
-    assert metrics.collision(near, VEHICLE, relaxation=HARD) == 0
-    assert metrics.collision(hit, VEHICLE, relaxation=HARD) == 1
+    assert collision(near, VEHICLE, relaxation=HARD) == 0
+    assert collision(hit, VEHICLE, relaxation=HARD) == 1
     assert metrics.off_road(near, HARD) == 0
     assert metrics.off_road(near.replace(road_margin=jnp.asarray([0.5, -0.1])), HARD) == 1
 
 
 def test_time_to_collision_behind_a_slower_vehicle():
     log = make(ego_speed=10.0, others=[(20.0 + L, 0.2, 0.0, 4.0), (15.0, 3.5, 0.0, 0.0)])
-    np.testing.assert_allclose(1 / metrics.inverse_ttc(log, VEHICLE, relaxation=HARD), 20 / 6, rtol=1e-5)
-    np.testing.assert_allclose(metrics.box_ttc(log, VEHICLE), 20 / 6, rtol=1e-5)
+    np.testing.assert_allclose(1 / inverse_ttc(log, VEHICLE, relaxation=HARD), 20 / 6, rtol=1e-5)
+    np.testing.assert_allclose(box_ttc(log, VEHICLE), 20 / 6, rtol=1e-5)
 
 
 @pytest.mark.parametrize("other", [(30.0, 0.0, 0.0, 12.0), (-20.0, 0.0, 0.0, 5.0), (30.0, 3.5, 0.0, 0.0)])
 def test_no_time_to_collision_where_nothing_comes_closer_in_the_way(other):
     log = make(ego_speed=10.0, others=[other])
-    assert metrics.inverse_ttc(log, VEHICLE, relaxation=HARD)[0] == 0
-    assert metrics.box_ttc(log, VEHICLE)[0] == np.inf
+    assert inverse_ttc(log, VEHICLE, relaxation=HARD)[0] == 0
+    assert box_ttc(log, VEHICLE)[0] == np.inf
     assert evaluate(log_of_two(log), VEHICLE, relaxation=HARD).ttc_lane == np.inf
 
 
@@ -88,9 +91,9 @@ def test_box_time_of_a_crossing_vehicle():
     # It comes from the right at 8 m/s towards the point 30 m ahead, where the ego is after 3 s.
     log = make(ego_speed=10.0, others=[(30.0, -24.0, np.pi / 2, 8.0)])
     first_touch = max((30 - L / 2 - W / 2) / 10, (24 - W / 2 - L / 2) / 8)
-    np.testing.assert_allclose(metrics.box_ttc(log, VEHICLE), first_touch, rtol=1e-5)
+    np.testing.assert_allclose(box_ttc(log, VEHICLE), first_touch, rtol=1e-5)
     late = make(ego_speed=10.0, others=[(30.0, -45.0, np.pi / 2, 8.0)])
-    assert metrics.box_ttc(late, VEHICLE)[0] == np.inf
+    assert box_ttc(late, VEHICLE)[0] == np.inf
 
 
 def test_box_time_equals_a_fine_search():
@@ -98,15 +101,16 @@ def test_box_time_equals_a_fine_search():
     rows = np.c_[rng.uniform(-20, 20, (200, 2)), rng.uniform(-4, 4, 200), rng.uniform(0, 12, 200)]
     log = make(ego_speed=6.0, others=rows.tolist())
     each = [jax.tree.map(lambda x, i=i: x[:, i : i + 1], log.traffic) for i in range(200)]
-    found = jnp.stack([metrics.box_ttc(log.replace(traffic=one), VEHICLE)[0] for one in each[:40]])
+    found = np.stack([box_ttc(log.replace(traffic=one), VEHICLE)[0] for one in each[:40]])
     times = jnp.arange(0.0, 8.0, 0.005)
 
+    @jax.jit
     def touching(one):
         way = jnp.stack([jnp.cos(one.heading[0, 0]), jnp.sin(one.heading[0, 0])]) * one.speed[0, 0]
         moved = one.position[0] + times[:, None] * way[None, :]
         many = jax.tree.map(lambda x: jnp.broadcast_to(x[0], (times.shape[0], *x.shape[1:])), one)
         path = make(6.0 * times).replace(traffic=many.replace(position=moved[:, None, :]))
-        return metrics.clearance(path, VEHICLE, relaxation=HARD)[0] <= 0
+        return clearance(path, VEHICLE, relaxation=HARD)[0] <= 0
 
     hits = np.stack([touching(one) for one in each[:40]])
     expected = np.where(hits.any(1), times[hits.argmax(1)], np.inf)
@@ -192,6 +196,7 @@ def test_gradient_of_the_score_matches_differences():
         log = log.replace(ego=log.ego.replace(acceleration=jnp.linspace(0.0, 1.0, 6)), road_margin=log.time - 0.1)
 
         @jax.jit
+        @jax.value_and_grad
         def value(x):
             moved = log.replace(
                 centre=log.centre + x[:2][None, :],
@@ -202,8 +207,8 @@ def test_gradient_of_the_score_matches_differences():
             return scores.score(moved, VEHICLE, params=params, relaxation=soft)
 
         x = jnp.full(6, 0.01)
-        gradient, size = jax.grad(value)(x), 1e-6
-        differences = [(value(x + size * e) - value(x - size * e)) / (2 * size) for e in jnp.eye(6)]
+        gradient, size = value(x)[1], 1e-6
+        differences = [(value(x + size * e)[0] - value(x - size * e)[0]) / (2 * size) for e in np.eye(6)]
         np.testing.assert_allclose(gradient, differences, rtol=1e-5, atol=1e-8)
         assert np.all(np.abs(gradient) > 1e-6)
 
