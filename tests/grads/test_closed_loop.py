@@ -12,7 +12,7 @@ from urbanjax.types import as_arrays
 N_STEPS = 20
 TEMPERATURE = 0.3
 STEP = 2e-7  # relative to the size of a parameter, at least 2e-7
-AT_ONCE = 4  # directions
+AT_ONCE = 2  # directions
 
 
 def paths_of(tree) -> list[str]:
