@@ -17,7 +17,7 @@ N_STEPS = 20
 OPTIMISED = {"xla_backend_optimization_level": 3, "xla_disable_hlo_passes": ""}
 
 
-@pytest.mark.parametrize("n_starts", [16, pytest.param(64, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n_starts", [6, pytest.param(64, marks=pytest.mark.slow)])
 def test_a_batch_equals_single_runs(n_starts):
     with jax.enable_x64(True):
         params = as_arrays(loop_params())
