@@ -9,7 +9,6 @@ from urbanjax.io.bridges.highway.environment import open_environment
 from urbanjax.io.bridges.highway.episode import drive
 from urbanjax.io.bridges.highway.network import read_network
 from urbanjax.io.bridges.highway.route import Destination, ahead, course_to, shared_ground
-from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.types import RouteError, as_arrays
 
 
@@ -59,13 +58,14 @@ def test_odometry_predicts_how_highway_env_moves_the_rear_axle(environments, dri
 
 
 def test_the_road_ahead_ends_in_any_lane_and_laps_where_it_closes(environments):
-    params = as_arrays(CorridorParams(n_stations=340))
-    for name, goals, laps in (("merge-v1", 2, 1), ("two-way-v0", 1, 1), ("racetrack-v1", 2, 3)):
+    given = DriverParams()  # what the driver takes, so that its programs serve here
+    params = as_arrays(given.corridor)
+    for name, goals, laps in (("merge-v1", 2, 1), ("two-way-v0", 1, 1), ("racetrack-v1", 2, 5)):
         env = environments[name]
         env.reset(seed=0)
         graph, keys = read_network(env.road.network, buckets=True)
         start = keys.index(("a", "b", 1, 0))
-        destination = ahead(graph, start, reach=900.0)
+        destination = ahead(graph, start, reach=given.reach)
         assert len(destination.goals) == goals
         assert destination.laps == laps
         course = course_to(graph, start, destination=destination, params=params)
