@@ -12,8 +12,6 @@ from tests.planning.frenet_sampling.helpers import (
     curved,
     driving_of,
     each,
-    fan_of,
-    grid,
     line_of,
     plan_of,
     scene_params,
@@ -21,12 +19,20 @@ from tests.planning.frenet_sampling.helpers import (
 )
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.frenet_sampling import choice
+from urbanjax.planning.frenet_sampling.fan import generate
 from urbanjax.planning.frenet_sampling.limits import FRENET_LIMITS
 
 
 def test_the_choice_is_the_cheapest_that_breaks_no_limit():
-    line = line_of(curved)
-    plan = plan_of(line, prediction=cars([(28.0, 4.0, 0.5), (0.0, 0.0, 0.0)]))
+    driving = driving_of(scene_params(), Relaxation())
+
+    @jax.jit
+    def both(line, begin, prediction):
+        plan = choice.plan(line, begin, desired_speed=jnp.asarray(WISH), prediction=prediction, driving=driving)
+        return plan, generate(line, begin, grid=driving.params.grid)
+
+    # From one program: two would differ by rounding.
+    plan, fan = both(line_of(curved), state(), cars([(28.0, 4.0, 0.5), (0.0, 0.0, 0.0)]))
     feasible = ~np.asarray(plan.reasons).any(axis=0).ravel()
     total = np.asarray(plan.terms).sum(axis=0).ravel()
     assert feasible.any()
@@ -34,7 +40,7 @@ def test_the_choice_is_the_cheapest_that_breaks_no_limit():
     assert plan.chosen == np.where(feasible, total, np.inf).argmin()
     assert plan.feasible
     np.testing.assert_allclose(np.asarray(plan.cost).ravel()[feasible], total[feasible], rtol=1e-6)
-    np.testing.assert_array_equal(plan.values, each(fan_of(line, state(), grid()).values)[:, int(plan.chosen)])
+    np.testing.assert_array_equal(plan.values, each(fan.values)[:, int(plan.chosen)])
 
 
 def test_where_all_break_a_limit_the_least_bad_is_taken():
