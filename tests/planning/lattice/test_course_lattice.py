@@ -125,7 +125,7 @@ def test_closed_search_is_dijkstra_on_the_same_edges(lattice, x64):
     length, bending, edge = (np.asarray(x, float) for x in (lattice.length, lattice.bending, lattice.edge))
     for weight in (0.0, 300.0):
         cost = np.where(edge > 0.5, length + weight * bending, BARRED)
-        value, nodes, edges = closed_search(jnp.asarray(cost), Relaxation())
+        value, nodes, edges = SEARCH(jnp.asarray(cost), Relaxation())
         assert float(value) == pytest.approx(dijkstra(cost, closed=True), abs=1e-8)
         assert np.sum(cost[np.asarray(edges) > 0.5]) == pytest.approx(float(value), abs=1e-8)
         np.testing.assert_array_equal(np.sum(nodes, axis=1), 1)
@@ -134,17 +134,25 @@ def test_closed_search_is_dijkstra_on_the_same_edges(lattice, x64):
 def test_the_soft_value_is_bounded_and_its_gradient_is_the_edge_marginals(lattice, x64):
     relaxation, temperature = Relaxation(0.7, mode="soft"), 0.7
     cost = np.where(np.asarray(lattice.edge) > 0.5, np.asarray(lattice.length, float), BARRED)
-    hard = float(closed_search(jnp.asarray(cost), Relaxation())[0])
-    value, nodes, edges = closed_search(jnp.asarray(cost), relaxation)
+    hard = float(SEARCH(jnp.asarray(cost), Relaxation())[0])
+
+    @jax.jit
+    def search(cost):
+        def value(cost):
+            value, nodes, edges = closed_search(cost, relaxation)
+            return value, (nodes, edges)
+
+        return jax.value_and_grad(value, has_aux=True)(cost)
+
+    (value, (nodes, edges)), slope = search(jnp.asarray(cost))
     assert hard - temperature * log_paths(cost, closed=True) <= float(value) <= hard
-    slope = jax.grad(lambda c: closed_search(c, relaxation)[0])(jnp.asarray(cost))
     np.testing.assert_allclose(slope, edges, atol=1e-10)
     np.testing.assert_allclose(np.sum(nodes, axis=1), 1, atol=1e-10)
     np.testing.assert_allclose(np.sum(edges, axis=1), np.roll(nodes, -1, axis=0), atol=1e-10)
     for place in np.argwhere(np.asarray(edges) > 0.05)[:3]:
         moved = np.zeros_like(cost)
         moved[tuple(place)] = 1e-4
-        ends = [float(closed_search(jnp.asarray(cost + s * moved), relaxation)[0]) for s in (1, -1)]
+        ends = [float(search(jnp.asarray(cost + s * moved))[0][0]) for s in (1, -1)]
         assert (ends[0] - ends[1]) / 2e-4 == pytest.approx(float(edges[tuple(place)]), rel=1e-5)
 
 
@@ -202,7 +210,7 @@ def test_an_open_road_has_no_edges_beyond_its_end_and_none_over_a_solid_line():
         )
     )[0]
     assert not np.any(np.asarray(barred.edge)[:, (lane[:, None] == 1) & (lane[None, :] == 2)])
-    part = slide(open_road, jnp.asarray(1e4), params=SlideParams(n_layers=6))
+    part = SLIDE(open_road, jnp.asarray(1e4), params=SlideParams(n_layers=6))
     np.testing.assert_array_equal(part.station, open_road.station[-6:])
 
 
