@@ -15,6 +15,8 @@ from urbanjax.traffic.safety.rss import (
 )
 
 jitted = jax.jit(rss)
+margins = jax.jit(lambda a, b, params: jnp.sum(rss(a, b, params=params).margin))
+by_params = jax.jit(jax.grad(lambda params, a, b: margins(a, b, params)))
 PARAMS = RSSParams(response_time=0.7, lateral_margin=0.3)
 STEP = 1e-3
 
@@ -142,7 +144,7 @@ def test_margins_are_invariant_under_motion_and_mirror(x64):
 def test_one_that_reverses_towards_a_vehicle_behind_meets_it(x64):
     own, other = (objects(p, 0.0, v) for p, v in ((np.zeros(2), -3.0), (np.array([-50.0, 0.0]), 5.0)))
     least = opposite_direction_distance(jnp.asarray(3.0), jnp.asarray(5.0), params=PARAMS)
-    np.testing.assert_allclose(rss(own, other, params=PARAMS).longitudinal, 46 - least)
+    np.testing.assert_allclose(jitted(own, other, params=PARAMS).longitudinal, 46 - least)
 
 
 def test_an_absent_vehicle_is_no_danger_and_passes_no_gradient():
@@ -151,7 +153,7 @@ def test_an_absent_vehicle_is_no_danger_and_passes_no_gradient():
     found = jitted(own, other, params=PARAMS)
     assert np.isposinf(found.margin).all()
     assert not np.asarray(found.dangerous).any()
-    slope = jax.grad(lambda s: jnp.sum(rss(own.replace(speed=s), other, params=PARAMS).margin))(own.speed)
+    slope = jax.jit(jax.grad(lambda s: margins(own.replace(speed=s), other, PARAMS)))(own.speed)
     np.testing.assert_array_equal(slope, 0)
 
 
@@ -165,20 +167,14 @@ def test_gradients_of_the_margin_equal_central_differences(x64, name):
 
     _, slope = jax.jvp(moved, (0.0,), (1.0,))
     np.testing.assert_allclose(slope, (moved(1e-6) - moved(-1e-6)) / 2e-6, rtol=1e-5, atol=1e-6)
-    by_params = jax.grad(lambda p: jnp.sum(rss(a, b, params=p).margin))(jax.tree.map(jnp.asarray, PARAMS))
     step = 1e-6
-    up, down = (jnp.sum(rss(a, b, params=PARAMS.replace(response_time=0.7 + s)).margin) for s in (step, -step))
-    np.testing.assert_allclose(by_params.response_time, (up - down) / (2 * step), rtol=1e-6)
+    up, down = (margins(a, b, PARAMS.replace(response_time=0.7 + s)) for s in (step, -step))
+    slope = by_params(jax.tree.map(jnp.asarray, PARAMS), a, b).response_time
+    np.testing.assert_allclose(slope, (up - down) / (2 * step), rtol=1e-6)
 
 
 def test_gradients_are_finite_for_coincident_and_standing_vehicles():
     own, other = (objects(np.zeros((3, 2)), np.zeros(3), speed) for speed in ([0.0, 5.0, 5.0], [0.0, 5.0, -0.1]))
-    slopes = jax.grad(
-        lambda p, h, s: jnp.sum(rss(own, other.replace(position=p, heading=h, speed=s), params=PARAMS).margin),
-        (
-            0,
-            1,
-            2,
-        ),
-    )(other.position, other.heading, other.speed)
+    slope_of = jax.grad(lambda p, h, s: margins(own, other.replace(position=p, heading=h, speed=s), PARAMS), (0, 1, 2))
+    slopes = jax.jit(slope_of)(other.position, other.heading, other.speed)
     assert all(np.isfinite(slope).all() for slope in slopes)
