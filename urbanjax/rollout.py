@@ -16,6 +16,7 @@ from urbanjax.sim.log import Log
 from urbanjax.sim.world import HARD, Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import HANDED_DOWN, POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
+from urbanjax.types.arguments import kind, whole
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -107,9 +108,15 @@ def rollout(
     (`sim.lanes.from_graph`); start, the world; n_steps, steps of the driver; keep, what is kept of the info
     of each step; sensing, for a stack that localizes itself from scans.
     """
+    for name, given, wanted in (
+        ("params", params, LoopParams),
+        ("course", course, Course),
+        ("lanes", lanes, LaneTables),
+        ("start", start, WorldState),
+    ):
+        kind(given, name, wanted=wanted, error=ScenarioError)
     check_start(lanes.graph, course.corridor, world=start)
-    if n_steps < 1:
-        raise ScenarioError(f"n_steps is {n_steps}: a rollout has at least one step")
+    whole(n_steps, "n_steps", error=ScenarioError, least=1)
     driver, sim = params.handed_down()
     course = course.replace(graph=lanes.graph)  # one graph in the program, not two
     relaxation = getattr(driver, "relaxation", HARD)

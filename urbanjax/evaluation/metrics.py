@@ -3,6 +3,7 @@
 Thresholds and minima have a soft twin through the `Relaxation`; where a quantity is hard only, it is said.
 """
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float
@@ -10,9 +11,10 @@ from jaxtyping import Bool, Float
 from urbanjax.geometry.boxes import Box, box, box_gap, relaxed_box_gap
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.sim.log import Log
+from urbanjax.sim.log import Log, check
 from urbanjax.traffic.safety.boxes import box_time_to_collision
-from urbanjax.types import Objects, pytree
+from urbanjax.types import ConfigError, Objects, pytree
+from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
 HARD = Relaxation()
@@ -42,8 +44,12 @@ class Metrics:
 
 
 def evaluate(log: Log, vehicle: VehicleParams | None = None, *, relaxation: Relaxation = HARD) -> Metrics:
-    """All metrics of one run. Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft."""
-    vehicle = VehicleParams() if vehicle is None else vehicle
+    """All metrics of one run; batches go through vmap.
+
+    Args: log [T], of one run; vehicle, the ego's dimensions (default: the standard ones); relaxation, hard or how soft.
+    Raises ScenarioError for what is no log of one run, ConfigError for params of another kind.
+    """
+    vehicle = checked(log, vehicle, relaxation=relaxation)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     urgency = _largest(inverse_ttc(log, vehicle, relaxation=relaxation), relaxation, TTC_SCALE)
     closing = urgency > 0
@@ -64,6 +70,18 @@ def evaluate(log: Log, vehicle: VehicleParams | None = None, *, relaxation: Rela
         max_jerk=_largest(jnp.abs(jerk(log)), relaxation),
         off_road=off_road(log, relaxation),
     )
+
+
+def checked(log: Log, vehicle: VehicleParams | None, *, relaxation: Relaxation = HARD) -> VehicleParams:
+    """The vehicle, by default the standard one. Raises as `evaluate` does.
+
+    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    """
+    check(log)
+    vehicle = VehicleParams() if vehicle is None else vehicle
+    kind(vehicle, "vehicle", wanted=VehicleParams, error=ConfigError)
+    kind(relaxation, "relaxation", wanted=Relaxation, error=ConfigError)
+    return vehicle
 
 
 def _largest(values: Array, relaxation: Relaxation, scale: float = 1.0) -> Array:
@@ -179,3 +197,15 @@ def overlaps(objects: Objects) -> Bool[Array, "v v"]:
     touching = box_gap(one, two) <= 0
     n = objects.valid.shape[0]
     return touching & objects.valid[:, None] & objects.valid[None, :] & ~jnp.eye(n, dtype=bool)
+
+
+def tracks(log: Log, vehicle: VehicleParams | None = None) -> Objects:
+    """Everybody in the log of one run as boxes [T, 1 + V], the ego first: what measures of traffic take.
+
+    Args: log [T], of one run; vehicle, the ego's dimensions (default: the standard ones).
+    """
+    vehicle = checked(log, vehicle, relaxation=HARD)
+    own, others = log.ego, log.traffic
+    length, width = (jnp.full_like(own.speed, size) for size in (vehicle.length, vehicle.width))
+    ego = Objects(log.centre, own.heading, own.speed, length, width, valid=jnp.ones(own.speed.shape, bool))
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[:, None], b], axis=1), ego, others)

@@ -4,10 +4,11 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.evaluation.metrics import HARD, clearance, jerk, lateral_acceleration, progress
+from urbanjax.evaluation.metrics import HARD, checked, clearance, jerk, lateral_acceleration, progress
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
-from urbanjax.types import pytree
+from urbanjax.types import ConfigError, pytree
+from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
 SHORTEST = 1e-3  # s, that a run counts as lasting: one of a single step lasts 0
@@ -36,14 +37,14 @@ class ScoreParams:
 class Score:
     """The terms of the score, each a mean over the run, and their weighted sum; more is better."""
 
-    total: Array  # []
-    progress: Array  # []
-    clearance: Array  # []
-    road: Array  # []
-    acceleration: Array  # []
-    lateral: Array  # []
-    jerk: Array  # []
-    lane: Array  # []
+    total: Array  # [] their sum
+    progress: Array  # [] weighted, positive
+    clearance: Array  # [] weighted, not positive, and so are the others
+    road: Array  # [] at the edge of the road
+    acceleration: Array  # [] along
+    lateral: Array  # [] acceleration across
+    jerk: Array  # [] along
+    lane: Array  # [] distance from the lane's centre
 
 
 def score(
@@ -53,9 +54,10 @@ def score(
     params: ScoreParams | None = None,
     relaxation: Relaxation = HARD,
 ) -> Float[Array, ""]:
-    """The score of one run, smooth in mode soft.
+    """The score [] of one run, smooth in mode soft; more is better, and 1 is driving at `speed_scale` undisturbed.
 
-    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
+    or how soft. Raises ScenarioError for what is no log of one run, ConfigError for params of another kind.
     """
     return terms(log, vehicle, params=params, relaxation=relaxation).total
 
@@ -69,10 +71,12 @@ def terms(
 ) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
-    Args: log, of one run; vehicle, the ego's dimensions; relaxation, hard or how soft.
+    Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
+    or how soft. Raises as `score` does.
     """
-    vehicle = VehicleParams() if vehicle is None else vehicle
+    vehicle = checked(log, vehicle, relaxation=relaxation)
     params = ScoreParams() if params is None else params
+    kind(params, "params", wanted=ScoreParams, error=ConfigError)
     duration = jnp.maximum(log.time[-1] - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     near = _barrier(jnp.where(others, gaps, params.clearance_scale), params.clearance_scale)

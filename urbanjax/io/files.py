@@ -2,10 +2,19 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 from urbanjax.types import FileError
+from urbanjax.types.arguments import short
 
 LARGEST = 512 * 2**20  # bytes
+
+
+def path_of(path: Any) -> Path:
+    """The path. Raises FileError for what is none. Args: path, as given."""
+    if not isinstance(path, str | os.PathLike) or isinstance(os.fspath(path), bytes):
+        raise FileError(f"{short(path)} is no path of a file: give a text or a Path")
+    return Path(path)
 
 
 def content(path: Path) -> bytes:

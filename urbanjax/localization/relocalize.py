@@ -3,11 +3,13 @@
 import jax
 import jax.numpy as jnp
 import jaxlie
-from jax import Array
+from jax import Array, lax
+from jaxtyping import Float, Int
 
 from urbanjax.localization import health, lidar, motion, sliding
 from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
 from urbanjax.localization.types import Health
+from urbanjax.numerics import safe
 from urbanjax.registration import align_starts
 from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.graph import RoadGraph
@@ -26,6 +28,9 @@ class RelocalizeParams:
     near: float = 0.5  # m, of correspondences that count in the end
     # of points with a correspondence, below which nothing was found
     least_share: float = field(default=0.6, metadata=SHARE)
+    # of the points, by which the best place has to explain more than any other: streets repeat themselves
+    margin: float = field(default=0.03, metadata=SHARE)
+    apart: float = field(default=1.0, metadata=POSITIVE)  # m, from which on two places are not one
     starts: int = static(default=96)  # K
     finalists: int = static(default=8)  # of them, that are refined
     max_iterations: int = static(default=12)  # of the first round
@@ -74,10 +79,10 @@ def relocalize(
 ) -> tuple[Relocalization, LidarState]:
     """The pose found from stacked `starts` [K], and the localizer's state with it: good until shown otherwise.
 
-    First all starts with wide correspondences, then the `finalists` with near ones: best is the start whose alignment
-    explains the largest share of the scan. Args: localizer, the parameters of the localizer that lost its way; world,
-    the point-cloud map; state, of that localizer; observation, with a scan and odometry; starts [K], stacked poses
-    T_map_body.
+    First all starts with wide correspondences, then the best `finalists` at different places with near ones: best is
+    the start whose alignment explains the largest share of the scan, if it does so clearly better than those elsewhere.
+    Args: localizer, the parameters of the localizer that lost its way; world, the point-cloud map; state, of that
+    localizer; observation, with a scan and odometry; starts [K], stacked poses T_map_body.
     """
     cloud, _ = lidar.cloud_of(localizer, observation)
     centre = jnp.mean(starts.translation(), axis=0)
@@ -88,7 +93,8 @@ def relocalize(
     )
     rough = align_starts(cloud, target, starts=starts, params=wide, at_once=params.at_once)
     explained = rough.inlier_share - rough.matching_error / params.max_distance
-    _, best = jax.lax.top_k(jnp.where(rough.inliers > 0, explained, -jnp.inf), params.finalists)
+    place = rough.pose.translation()
+    best = _distinct(jnp.where(rough.inliers > 0, explained, -jnp.inf), place, params)
     tight = localizer.align.replace(factor=factor.replace(max_distance=params.near))
     fine = align_starts(
         cloud, target, starts=jax.tree.map(lambda x: x[best], rough.pose), params=tight, at_once=params.at_once
@@ -96,9 +102,22 @@ def relocalize(
     share = jnp.where(fine.converged, fine.inlier_share, 0.0)
     first = jnp.argmax(share)
     T_map_found = jax.tree.map(lambda x: x[first], fine.pose)
-    found = share[first] > params.least_share
+    away = safe.norm(fine.pose.translation() - T_map_found.translation()[None])
+    second = jnp.max(jnp.where(away > params.apart, share, 0))
+    found = (share[first] > params.least_share) & (share[first] - second > params.margin)
     monitor = health.init(centre.dtype)
     monitor = monitor.replace(health=jnp.asarray(Health.PREDICT, jnp.int32), searched=jnp.asarray(True))
     moved = state.replace(T_map_body=T_map_found, monitor=monitor)
     following = jax.tree.map(lambda a, b: jnp.where(found, a, b), moved, state)
     return Relocalization(T_map_found, found, share, best[first]), following
+
+
+def _distinct(score: Float[Array, " k"], place: Float[Array, "k 3"], params: RelocalizeParams) -> Int[Array, " f"]:
+    """The best of the starts that ended at different places; where there are too few, some stand twice."""
+
+    def choose(left: Array, _: None) -> tuple[Array, Array]:
+        best = jnp.argmax(left).astype(jnp.int32)
+        same = safe.norm(place - place[best][None]) < params.apart
+        return jnp.where(same, -jnp.inf, left), best
+
+    return lax.scan(choose, score, length=params.finalists)[1]

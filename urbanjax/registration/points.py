@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from urbanjax.numerics import symmetric
 from urbanjax.types import CloudError, pytree
+from urbanjax.types.arguments import array
 
 
 @pytree
@@ -27,10 +28,7 @@ def checked(points: Any, name: str = "cloud") -> np.ndarray:
 
     Raises CloudError, with the name, for anything but finite points. Args: points [N, 3] m; name, for the message.
     """
-    try:
-        points = np.asarray(points, np.float64)
-    except (TypeError, ValueError) as error:
-        raise CloudError(f"{name}: {type(points).__name__} is no array of points [N, 3]") from error
+    points = array(points, name, error=CloudError)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         remedy = "transpose it" if points.ndim == 2 and points.shape[0] == 3 else "take x, y and z"
         raise CloudError(f"{name} has the shape {points.shape}: points [N, 3] with N > 0 are needed; {remedy}")

@@ -10,18 +10,24 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from urbanjax.registration.align import Alignment, AlignParams, align
+from urbanjax.registration.covariance import CovarianceParams
 from urbanjax.registration.distributions import METHODS, MapParams, build
 from urbanjax.registration.downsample import DownsampleParams, voxels
 from urbanjax.registration.linear import FactorParams
 from urbanjax.registration.points import checked, padded
 from urbanjax.registration.preprocess import PreprocessParams, preprocess
 from urbanjax.types import CloudError, ConfigError, Status, as_arrays, pytree
+from urbanjax.types.arguments import array, kind, number, short, whole
 
 THINNING = 4  # points along the edge of a voxel of the map
 SIZES = 4  # sizes in an octave: similar clouds share one compiled program
-LEAST = 64  # points, the smallest size
+LEAST = 64  # points, the smallest size, and what a registration needs
 EDGE = 16  # voxels, of which a window's edge is a multiple
 LARGEST = 2**26  # voxels of a window
+FARTHEST = 1e7  # m from the origin of a scan
+# Two single scans are no survey: sweeps are bent by motion, and voxels cut surfaces differently. On a real pair the
+# methods of small_gicp, and two published poses, differ by 0.02 m and 0.2 to 0.4 degrees.
+PAIR = CovarianceParams(floor_rotation=3e-3, floor_translation=0.015)
 TOLERANCE = 1e-3  # of a start's rotation from an orthogonal one
 
 
@@ -71,34 +77,51 @@ def register(
     """The pose of `source` in the frame of `target` (Eq. 1-5), from a start within about a voxel of it.
 
     Both are thinned to a quarter of the resolution, the target becomes a map of distributions. Failure is a value: look
-    at `status`, `inlier_share` and the covariance, which is calibrated for vgicp. For many scans on one map, compile
-    `preprocess`, `build` and `align` yourself. Args: source [N, 3] m and target [M, 3] m, each in its own frame;
-    resolution [m], edge of a voxel of the map; start [4, 4], T_target_source to begin from (default: the identity);
-    method, one of vgicp, ndt and gicp; capacity, points kept of each scan (default: as many as there are; warns with
-    DroppedPointsWarning if too few); params, of the
-    alignment (default: pairs at most a voxel apart). Raises CloudError for points that are not [N, 3], finite
-    and many enough, and ConfigError for a start that is no pose, a method or a resolution that there is not.
+    at `status`, `inlier_share` and the covariance, which is calibrated for vgicp, with a floor of 15 mm and 3 mrad for
+    what no calibration of single scans can know (`params.covariance`). For many scans on one map, compile `preprocess`,
+    `build` and `align` yourself.
+    Args: source [N, 3] m and target [M, 3] m, each in its own frame; resolution [m], edge of a voxel of the map; start
+    [4, 4], T_target_source to begin from (default: the identity); method, one of vgicp, ndt and gicp; capacity, points
+    kept of each scan (default: as many as there are; warns with DroppedPointsWarning if too few); params, of the
+    alignment (default: pairs at most a voxel apart). Raises CloudError for points that are not [N, 3], finite and many
+    enough, and ConfigError for a start that is no pose, and a method, resolution or capacity that there is not.
     """
     if method not in METHODS:
-        raise ConfigError(f"method is '{method}': use one of {', '.join(METHODS)}")
-    if capacity is not None and capacity < LEAST:
-        raise ConfigError(f"capacity is {capacity}: it must be at least {LEAST} points, or None")
-    if not np.isfinite(resolution) or resolution <= 0:
-        raise ConfigError(f"resolution is {resolution}: it must be positive, in metres")
+        raise ConfigError(f"method is {short(method)}: use one of {', '.join(METHODS)}")
+    if capacity is not None:
+        capacity = whole(capacity, "capacity", error=ConfigError, least=LEAST)
+    if params is not None:
+        kind(params, "params", wanted=AlignParams, error=ConfigError)
+    resolution = number(resolution, "resolution", error=ConfigError)
     fine = resolution / THINNING
     scans = [checked(points, name) for name, points in (("source", source), ("target", target))]
+    for name, points in zip(("source", "target"), scans, strict=True):
+        if len(points) < LEAST or np.abs(points).max() > FARTHEST:
+            raise CloudError(
+                f"{name} has {len(points)} points up to {np.abs(points).max():.3g} m from its origin: at least {LEAST} "
+                f"within {FARTHEST:g} m are needed"
+            )
     # Middles are taken off in double precision: coordinates of many kilometres have no millimetres in float32.
     middles = [np.round((points.min(0) + points.max(0)) / 2) for points in scans]
+    half = np.ptp(scans[0], axis=0) / 2
     scans = [points - middle for points, middle in zip(scans, middles, strict=True)]
     occupied = [voxels(points, fine) for points in scans]
+    for name, count in zip(("source", "target"), occupied, strict=True):
+        if count < LEAST:
+            thinned = f"{name} has {count} points when thinned to {fine:g} m"
+            raise CloudError(f"{thinned}, and {LEAST} are needed: lower resolution")
     kept = [size(count) if capacity is None else capacity for count in occupied]
-    how_to_align = AlignParams(factor=FactorParams(max_distance=resolution)) if params is None else params
+    how_to_align = (
+        AlignParams(factor=FactorParams(max_distance=resolution), covariance=PAIR) if params is None else params
+    )
     begin = np.eye(4) if start is None else _pose(start, "start")
     T_middles = _shift(-middles[1]) @ begin @ _shift(middles[0])
     how = MapParams(resolution=resolution, method=method, shape=_window(scans[1], resolution))
     clouds = [padded(points, size(len(points))) for points in scans]
     thinned = [PreprocessParams(downsample=DownsampleParams(resolution=fine, capacity=count)) for count in kept]
-    found = _program(*clouds, as_arrays(tuple(thinned)), as_arrays(how), _se3(T_middles), as_arrays(how_to_align))
+    found = _program(
+        *clouds, as_arrays(tuple(thinned)), as_arrays(how), _se3(T_middles), as_arrays(_without_floor(how_to_align))
+    )
     dropped = sum(max(count - place, 0) for count, place in zip(occupied, kept, strict=True))
     if dropped:
         message = (
@@ -108,7 +131,7 @@ def register(
     pose = _shift(middles[1]) @ np.asarray(found.pose.as_matrix(), float) @ _shift(-middles[0])
     return Registration(
         T_target_source=pose,
-        covariance=_moved(np.asarray(found.covariance, float), middles[0]),
+        covariance=_covariance(found, how_to_align, middles[0], inside=bool(np.all(np.abs(middles[0]) <= half))),
         converged=bool(found.converged),
         inlier_share=float(found.inlier_share),
         dropped=dropped,
@@ -146,9 +169,11 @@ def _window(points: np.ndarray, resolution: float) -> tuple[int, int, int]:
 
 
 def _pose(matrix: Any, name: str) -> np.ndarray:
-    pose = np.asarray(matrix.as_matrix() if isinstance(matrix, jaxlie.SE3) else matrix, float)
-    if pose.shape != (4, 4) or not np.isfinite(pose).all() or not np.allclose(pose[3], [0, 0, 0, 1]):
-        raise ConfigError(f"{name} has the shape {pose.shape}: it must be a pose [4, 4] that ends in 0 0 0 1")
+    pose = array(matrix.as_matrix() if isinstance(matrix, jaxlie.SE3) else matrix, name, error=ConfigError)
+    if pose.shape != (4, 4):
+        raise ConfigError(f"{name} has the shape {pose.shape}: it must be a pose [4, 4]")
+    if not np.isfinite(pose).all() or not np.allclose(pose[3], [0, 0, 0, 1]):
+        raise ConfigError(f"{name} is no pose: it must be finite, and end in the row 0 0 0 1")
     rotation = pose[:3, :3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > TOLERANCE or np.linalg.det(rotation) < 0:
         raise ConfigError(f"{name}[:3, :3] is no rotation: its columns must be orthogonal, right-handed unit vectors")
@@ -166,9 +191,22 @@ def _se3(pose: np.ndarray) -> jaxlie.SE3:
     return jaxlie.SE3(jnp.asarray([w, x, y, z, *pose[:3, 3]], jnp.zeros(()).dtype))
 
 
-def _moved(covariance: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """The covariance of the twist about the source's origin, of that about its middle [3] m."""
+def _without_floor(params: AlignParams) -> AlignParams:
+    still = params.covariance.replace(floor_rotation=0.0, floor_translation=0.0)
+    return params.replace(covariance=still)
+
+
+def _covariance(found: Alignment, params: AlignParams, middle: np.ndarray, *, inside: bool) -> np.ndarray:
+    """The covariance about the source's origin, of that about its middle [3] m.
+
+    The floor is that of the sensor: at the origin, where that lies `inside` the scan, and else in its middle.
+    """
     x, y, z = middle
     adjoint = np.eye(6)
     adjoint[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    return adjoint @ covariance @ adjoint.T
+    how = params.covariance
+    floor = np.diag(np.repeat([float(how.floor_rotation), float(how.floor_translation)], 3) ** 2)
+    stated = np.asarray(found.covariance, float)
+    if inside:
+        return adjoint @ stated @ adjoint.T + floor
+    return adjoint @ (stated + floor) @ adjoint.T

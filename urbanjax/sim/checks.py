@@ -19,7 +19,6 @@ def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> N
     Values are looked at outside jit, vmap and grad only. Args: graph, the road graph; corridor, around the route of the
     ego; world, at the start of one run.
     """
-    _check_replay(world.replay)
     ego = world.ego
     for name, shape in (("position", (2,)), ("heading", ()), ("speed", ()), ("acceleration", ()), ("steering", ())):
         found = np.shape(getattr(ego, name))
@@ -27,6 +26,7 @@ def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> N
             raise ScenarioError(
                 f"start.ego.{name} has the shape {found}, not {shape}: a rollout is one run; vmap it over a batch"
             )
+    _check_replay(world.replay)
     leaves = jax.tree.leaves((ego, world.ego_link, world.time, graph.centre, corridor.position))
     if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
         return

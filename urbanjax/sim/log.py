@@ -11,7 +11,8 @@ from urbanjax.roadmap.edges import edge_distance, edge_rows
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import HARD, SimParams, Snapshot, WorldState, look
-from urbanjax.types import Command, Objects, VehicleState, pytree
+from urbanjax.types import Command, Objects, ScenarioError, VehicleState, pytree
+from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
 EDGE = 0.2  # m, natural scale of the choice of the outermost point for the relaxation
@@ -83,3 +84,35 @@ def _outline(heading: Array, centre: Array, vehicle: VehicleParams, rows: Array)
     nearest = jnp.where(face, jnp.where(inside < 0, -half, half), inside)
     points = jnp.concatenate([sides, nearest[None]])
     return centre[None, :] + jnp.sum(points[:, :, None] * frame[None, :, :], axis=1)
+
+
+def check(log: Log) -> None:
+    """Raise ScenarioError for what is not the log of one run of two steps or more.
+
+    Shapes always; values outside jit, vmap and grad only. Args: log, as given.
+    """
+    kind(log, "log", wanted=Log, error=ScenarioError)
+    kind(log.traffic, "log.traffic", wanted=Objects, error=ScenarioError)
+    shape = np.shape(log.time)
+    if len(shape) != 1 or shape[0] < 2:
+        raise ScenarioError(
+            f"log.time has the shape {shape}: one run [T] of two steps or more is needed; of a batch take "
+            "jax.tree.map(lambda x: x[k], log), or vmap"
+        )
+    vehicles = np.shape(log.traffic.valid)[-1:]
+    rows = {
+        "centre": (log.centre, (2,)),
+        "road_margin": (log.road_margin, ()),
+        "ego.position": (log.ego.position, (2,)),
+    }
+    rows |= {"ego.speed": (log.ego.speed, ()), "traffic.position": (log.traffic.position, (*vehicles, 2))}
+    for name, (values, rest) in rows.items():
+        if np.shape(values) != (*shape, *rest):
+            raise ScenarioError(
+                f"log.{name} has the shape {np.shape(values)}, and log.time {shape}: it must be of that run"
+            )
+    leaves = jax.tree.leaves((log.time, log.ego, log.centre, log.road_margin))
+    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+        return
+    if not all(np.isfinite(leaf).all() for leaf in leaves) or np.any(np.diff(log.time) <= 0):
+        raise ScenarioError("log: its times do not rise, or the ego is not finite somewhere; no score is defined")

@@ -23,6 +23,7 @@ def with_values(params: T, values: Mapping[str, Any]) -> T:
     a value of the wrong type or out of its range. Args: values by dotted key, as on the command line, for example
     {"stack.planning.micro.weights.obstacle": 2.0}.
     """
+    _check(params, values)
     nested: dict[str, Any] = {}
     for key, value in values.items():
         *groups, name = key.split(".")
@@ -45,6 +46,7 @@ def batched_values(params: T, values: Mapping[str, Any]) -> tuple[T, T]:
     scalar float, one out of its range, and arrays of different lengths. Args: values [N] by dotted key, for example
     {"stack.behavior.gvp.tau": jnp.linspace(0, 1, 5)}.
     """
+    _check(params, values)
     if not values:
         raise ConfigError("no values: name at least one key with an array of values")
     arrays = {key: np.asarray(array) for key, array in values.items()}
@@ -86,3 +88,10 @@ def _at(tree: Any, path: list[str]) -> Any:
 def _replaced(tree: Any, path: list[str], leaf: Any) -> Any:
     name, *rest = path
     return dataclasses.replace(tree, **{name: _replaced(getattr(tree, name), rest, leaf) if rest else leaf})
+
+
+def _check(params: Any, values: Any) -> None:
+    if not dataclasses.is_dataclass(params) or isinstance(params, type):
+        raise ConfigError(f"params is a {type(params).__name__}: give an instance of a params class")
+    if not isinstance(values, Mapping) or not all(isinstance(key, str) for key in values):
+        raise ConfigError('values must map dotted keys to values, like {"stack.behavior.gvp.tau": 1.0}')

@@ -7,9 +7,9 @@ import pytest
 
 from tests.io.maps import texts
 from tests.scenes import loop_params
-from urbanjax.evaluation import evaluate, score
+from urbanjax.evaluation import evaluate, score, tracks
 from urbanjax.io import figures, maps
-from urbanjax.types import RouteError, ScenarioError, UrbanJaxError
+from urbanjax.types import FileError, RouteError, ScenarioError, UrbanJaxError
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -67,6 +67,37 @@ def test_a_picture_of_the_drive(driven, road, tmp_path):
         figures.drive(jax.tree.map(lambda x: np.stack([x, x]), log), road, path=tmp_path / "batch.png")
 
 
+def test_a_path_that_no_picture_can_have_is_refused(driven, tmp_path):
+    scene, log = driven
+    assert figures.drive(log, scene, path=tmp_path / "plain") == tmp_path / "plain.png"
+    for path, message in (
+        ("", "no name"),
+        (tmp_path, "no name"),
+        (tmp_path / "x.doc", "no name"),
+        (tmp_path / "no" / "x.png", "no folder"),
+    ):
+        with pytest.raises(FileError, match=message):
+            figures.drive(log, scene, path=path)
+
+
+def test_everybody_is_named_and_the_ego_comes_first(driven):
+    scene, log = driven
+    everybody = tracks(jax.tree.map(jnp.asarray, log), scene.params.vehicle)
+    assert scene.names == ("ego", "nobody", "100", "101")
+    assert everybody.valid[0].tolist() == [True, False, False, True]
+    np.testing.assert_array_equal(everybody.position[:, 0], log.centre)
+    np.testing.assert_array_equal(everybody.position[:, 1:], log.traffic.position)
+
+
+def test_other_params_are_checked_as_the_scenes_own_are(driven):
+    scene, _ = driven
+    with pytest.raises(ScenarioError, match=r"recorded every 0\.1 s"):
+        scene.drive(scene.params.replace(period=0.2))
+    batch = scene.params.replace(vehicle=jax.tree.map(lambda x: jnp.stack([x, x]), scene.params.vehicle))
+    with pytest.raises(ScenarioError, match="params hold a batch"):
+        scene.drive(batch)
+
+
 def test_from_lane_to_lane(road):
     there = maps.scene(road, lane=2, goal=4, duration=2.0)
     links = np.asarray(there.ego.route.link)[np.asarray(there.ego.route.valid)]
@@ -98,9 +129,11 @@ def test_maps_without_traffic(text, tmp_path):
         ({"problem": 7}, ScenarioError, r"no planning problem is 7; there are \d+"),
         ({"problem": 0, "vehicle": 100}, ScenarioError, "give one of"),
         ({"goal": 4}, ScenarioError, "'goal' belongs to 'lane'"),
-        ({"lane": 77}, UrbanJaxError, "lane 77 is no link"),
-        ({"lane": 3, "goal": 5}, RouteError, "cannot be reached"),
-        ({"problem": 0, "duration": 0.0}, ScenarioError, "longer 'duration'"),
+        ({"lane": 77}, UrbanJaxError, "no lane is 77; there are 1, 2"),
+        ({"lane": 3, "goal": 5}, RouteError, "lane 5 cannot be reached from lane 3"),
+        ({"problem": 0, "duration": float("nan")}, ScenarioError, "duration is nan"),
+        ({"problem": 0, "duration": 0.01}, ScenarioError, "longer 'duration'"),
+        ({"problem": 0, "duration": 0.0}, ScenarioError, "duration is 0.0: it must be a positive number"),
         ({"problem": 0, "params": loop_params().replace(period=0.2)}, ScenarioError, "recorded every 0.1 s"),
     ],
 )

@@ -44,11 +44,14 @@ def test_repeated_samples_may_be_left_out_and_are_counted():
         (normal(100).T[None], {}, r"p has the shape \(1, 2, 100\)"),
         (np.full((100, 2), np.nan), {}, "p: 100 samples are not finite"),
         (np.zeros((100, 3)), {}, "p has 3 columns and q 2"),
-        ("log.csv", {}, "p: str is no array of positions"),
-        (normal(100), {"k": 0}, "k at least 1"),
+        ("log.csv", {}, "p: str is no array of real numbers"),
+        (normal(100), {"k": 0}, "k is 0: it must be a whole number, at least 1"),
+        (normal(100, seed=9), {}, "p and q hold the same samples"),
+        (normal(100, 1.0), {"k": 2.5}, "k is 2.5: it must be a whole number"),
+        (normal(100, 1.0), {"resampling": 3}, "resampling is a int"),
     ],
 )
 def test_what_is_no_log_is_refused(p, given, message):
     with pytest.raises(TrafficError, match=message) as caught:
-        traffic.kl_divergence(p, normal(100), resampling=SHORT, **given)
+        traffic.kl_divergence.__wrapped__(p, normal(100, seed=9), **({"resampling": SHORT} | given))
     assert "\n" not in str(caught.value)

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Sequence
 
-from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.graph import RoadGraph, Turn
 from urbanjax.roadmap.route import Route, RouteParams, route_between
 from urbanjax.types import RouteError
 
@@ -44,11 +44,11 @@ def beside(graph: RoadGraph, link: int) -> list[int]:
 
 
 def _onwards(graph: RoadGraph, link: int) -> int:
-    """The link 200 m further on, or the last one before the map ends; at forks the one that turns least."""
+    """The link 200 m further on, or the last one before the map ends; at forks the one that turns least, never back."""
     way, seen = 0.0, {link}
     while way < AHEAD:
         options = [int(s) for s, has in zip(graph.successor[link], graph.has_successor[link], strict=True) if has]
-        options = [s for s in options if s not in seen]
+        options = [s for s in options if s not in seen and int(graph.turn[s]) != Turn.U_TURN]
         if not options:
             break
         link = min(options, key=lambda s: abs(float(graph.heading[s, -1] - graph.heading[s, 0])))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from urbanjax.io.clouds.pcd import read_pcd
-from urbanjax.io.files import LARGEST, content
+from urbanjax.io.files import LARGEST, content, path_of
 from urbanjax.types import FileError
 
 PLY_TYPES = {
@@ -18,12 +18,12 @@ PLY_TYPES = {
 
 
 def read(path: str | Path, array: str = "xyz") -> np.ndarray:
-    """The points [N, 3] (m, float64) of a file, by its suffix: one of READERS.
+    """The points [N, 3] (m, float64) of a file, by its suffix: ply, pcd, bin (KITTI) or npz.
 
     Args: path of the file; array, its name in an npz file. Raises FileError, naming the file, if it is missing, empty,
     truncated, enormous or not what its suffix says, and if a coordinate is not finite.
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix.lower() not in READERS:
         raise FileError(f"{path}: no reader for '{path.suffix}'; use one of {', '.join(READERS)}")
     reader = READERS[path.suffix.lower()]

@@ -10,17 +10,21 @@ import numpy as np
 from urbanjax.evaluation import metrics
 from urbanjax.io.figures.roads import draw_boxes, draw_road
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
+from urbanjax.io.files import path_of
 from urbanjax.io.maps import RoadMap, Scene
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.log import Log
-from urbanjax.types import ScenarioError
+from urbanjax.types import FileError, ScenarioError
+from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
 MARGIN = 12.0  # m around the ego's way
+SUFFIXES = (".png", ".pdf", ".svg")
+WAY = "#b07d62"  # of others
 NEAR = 40.0  # m of the ego's way, within which others are drawn
 GHOSTS = 5  # boxes along the way, the last one filled
-WIDE = 10.0  # inches
+LONGEST = 9.0  # inches, of the road seen from above
 
 
 def drive(
@@ -32,69 +36,83 @@ def drive(
 ) -> Path:
     """The drive from above on its map, with speed, acceleration and gap over time; returns the path of the picture.
 
-    The ego is green and coloured by speed along its way, red where it touches another vehicle; others are grey, with
-    the ways that they went. Args: log [T], of one run; map, as read, its graph, or the scene that was driven; path of
-    the picture; vehicle, the ego's dimensions (default: the scene's, or the standard ones). Raises ScenarioError for a
-    log of several runs.
+    The ego is green and coloured by speed along its way, red where it touches another vehicle or leaves the road;
+    others are grey, with the ways that they went. Args: log [T], of one run; map, as read, its graph, or the scene that
+    was driven; path of the picture (png, pdf or svg); vehicle, the ego's dimensions (default: the scene's, or the
+    standard ones). Raises ScenarioError for what is no log of one run, FileError for a path that no picture can have.
     """
+    vehicle = map.params.vehicle if vehicle is None and isinstance(map, Scene) else vehicle
+    vehicle = metrics.checked(jax.tree.map(jnp.asarray, log) if isinstance(log, Log) else log, vehicle)
+    kind(map, "map", wanted=(RoadMap, RoadGraph, Scene), error=ScenarioError)
     log = jax.tree.map(np.asarray, log)
-    if np.ndim(log.time) != 1:
-        raise ScenarioError(
-            f"log.time has the shape {np.shape(log.time)}: a drive is one run [T]; take log[k] of a batch"
-        )
-    if vehicle is None:
-        vehicle = map.params.vehicle if isinstance(map, Scene) else VehicleParams()
     title = map.name if isinstance(map, Scene) else map.path.stem if isinstance(map, RoadMap) else "drive"
     graph = map.map.graph if isinstance(map, Scene) else map.graph if isinstance(map, RoadMap) else map
+    target = _target(path)
     low, high = log.centre.min(0) - MARGIN, log.centre.max(0) + MARGIN
-    span = high - low
-    height = float(np.clip(WIDE * span[1] / span[0], 2.0, 8.0))
-    with figure(Path(path), WIDE, height=height + 2.4) as canvas:
-        grid = canvas.add_gridspec(2, 3, height_ratios=[height, 2.0])
+    width, height = np.clip((high - low) * LONGEST / (high - low).max(), (6.5, 2.0), LONGEST)
+    with figure(target, float(width) + 1.0, height=float(height) + 2.6) as canvas:
+        grid = canvas.add_gridspec(2, 3, height_ratios=[height, 1.9])
         above = canvas.add_subplot(grid[0, :])
         draw_road(above, graph)
         _others(above, log)
         _ego(canvas, above, log, vehicle)
         above.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), title=title)
+        above.legend(loc="best", fontsize=7)
         _over_time([canvas.add_subplot(grid[1, k]) for k in range(3)], log, vehicle)
-    return Path(path)
+    return target
+
+
+def _target(path: str | Path) -> Path:
+    """Where the picture goes. Raises FileError for a folder, a suffix or a place that no picture can have."""
+    target = path_of(path)
+    if target.name and not target.suffix and not target.is_dir():
+        target = target.with_name(f"{target.name}.png")
+    if target.suffix.lower() not in SUFFIXES or target.is_dir():
+        raise FileError(f"{path!s}: is no name for a picture; let it end in {', '.join(SUFFIXES)}")
+    if not target.absolute().parent.is_dir():
+        raise FileError(f"{target}: there is no folder {target.absolute().parent}; make it first")
+    return target
 
 
 def _others(axes: Any, log: Log) -> None:
-    """Everybody who came near the ego: the way, and the box where they were last."""
+    """Everybody who came near the ego: the way, and the box at the end of those who are still there."""
     from matplotlib.collections import LineCollection
 
     traffic = log.traffic
     away = np.linalg.norm(traffic.position - log.centre[:, None], axis=-1)
     shown = np.flatnonzero(((away < NEAR) & traffic.valid).any(0))
     ways = [traffic.position[traffic.valid[:, v], v] for v in shown]
-    axes.add_collection(LineCollection(ways, colors=OTHER, linewidths=0.8, alpha=0.5, zorder=4))
-    last = [len(log.time) - 1 - int(traffic.valid[::-1, v].argmax()) for v in shown]
-    boxes = [
-        [*traffic.position[t, v], traffic.heading[t, v], traffic.length[t, v], traffic.width[t, v]]
-        for t, v in zip(last, shown, strict=True)
+    axes.add_collection(LineCollection(ways, colors=WAY, linewidths=1.2, zorder=4, label="ways of others"))
+    there = [v for v in shown if traffic.valid[-1, v]]
+    rows = [
+        [*traffic.position[-1, v], traffic.heading[-1, v], traffic.length[-1, v], traffic.width[-1, v]] for v in there
     ]
-    if boxes:
-        draw_boxes(axes, np.array(boxes, float), colour=OTHER)
+    if rows:
+        draw_boxes(axes, np.array(rows, float), colour=OTHER)
 
 
 def _ego(canvas: Any, axes: Any, log: Log, vehicle: VehicleParams) -> None:
-    """The ego's way coloured by speed, and its box every so often."""
+    """The ego's way coloured by speed, its box every so often, and where it touches somebody or leaves the road."""
     from matplotlib.collections import LineCollection
 
     parts = np.stack([log.centre[:-1], log.centre[1:]], axis=1)
     way = LineCollection(list(parts), array=log.ego.speed[:-1], cmap="viridis", linewidths=2.4, zorder=5)
     axes.add_collection(way)
-    canvas.colorbar(way, ax=axes, label="speed [m/s]", shrink=0.8)
+    canvas.colorbar(way, ax=axes, label="speed [m/s]", fraction=0.03, pad=0.01)
     size = float(vehicle.length), float(vehicle.width)
     steps = np.unique(np.linspace(0, len(log.time) - 1, GHOSTS).astype(int))
     boxes = np.array([[*log.centre[k], log.ego.heading[k], *size] for k in steps], float)
     draw_boxes(axes, boxes[:-1], colour=GOOD, filled=False)
     draw_boxes(axes, boxes[-1:], colour=GOOD)
-    touching = _gap(log, vehicle) <= 0
-    if touching.any():
-        axes.plot(*log.centre[touching].T, "x", color=BAD, ms=8, mew=2, zorder=7, label="touches another vehicle")
-        axes.legend(loc="best")
+    every = float(log.time[steps[1]] - log.time[steps[0]])
+    axes.plot([], [], "s", color=GOOD, ms=7, label=f"ego at the end, outlined every {every:.1f} s")
+    axes.plot([], [], "s", color=OTHER, ms=7, label="others at the end")
+    for bad, marker, label in (
+        (_gap(log, vehicle) <= 0, "x", "touches another vehicle"),
+        (log.road_margin < 0, "_", "off the road"),
+    ):
+        if bad.any():
+            axes.plot(*log.centre[bad].T, marker, color=BAD, ms=7, mew=2, ls="none", zorder=7, label=label)
 
 
 def _gap(log: Log, vehicle: VehicleParams) -> np.ndarray:
@@ -119,4 +137,5 @@ def _over_time(panels: list[Any], log: Log, vehicle: VehicleParams) -> None:
         gap.axhline(0, color=BAD, lw=0.8)
     else:
         gap.text(0.5, 0.5, "nobody else", ha="center", transform=gap.transAxes)
+        gap.set(xticks=[], yticks=[])
     gap.set(title="gap to the nearest vehicle [m]", xlabel="time [s]")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from urbanjax.io.files import content
+from urbanjax.io.files import content, path_of
 from urbanjax.io.logs import cells as cell
 from urbanjax.io.logs import csv_table, json_table, parquet_table
 from urbanjax.io.logs.agreement import compared
@@ -17,6 +17,7 @@ from urbanjax.io.logs.format import LogFormat, check
 from urbanjax.io.logs.record import LogError, VehicleLog, path_text
 from urbanjax.io.logs.table import LogTable
 from urbanjax.types import FileError
+from urbanjax.types.arguments import kind
 
 LARGEST = 256 * 2**20  # bytes of a file
 LOADERS: dict[str, Callable[..., LogTable]] = {  # of path, data and form
@@ -46,9 +47,11 @@ def read(paths: str | Path | Iterable[str | Path], form: LogFormat | None = None
     not that of the positions.
     """
     form = LogFormat() if form is None else form
+    kind(form, "form", wanted=LogFormat, error=LogError)
     check(form)
+    several = list(paths) if isinstance(paths, Iterable) and not isinstance(paths, str | bytes) else [paths]
     logs: list[VehicleLog] = []
-    for path in files(paths):
+    for path in files([path_of(path) for path in several]):
         logs += read_file(path, form)
     return logs
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from urbanjax.io.files import path_of
 from urbanjax.io.maps import commonroad, lanelet2, racetrack, sumo
 from urbanjax.io.maps.road import RoadMap
 from urbanjax.io.maps.xml import parse
@@ -15,7 +16,8 @@ def read(path: str | Path) -> RoadMap:
     Args: path of the file. Raises MapError, naming the file and the element, for what is no such map or a malformed
     one.
     """
-    if Path(path).suffix.lower() == ".csv":
+    path = path_of(path)
+    if path.suffix.lower() == ".csv":
         return racetrack.read(path)
     xml = parse(path)
     if xml.root.tag not in READERS:

@@ -25,7 +25,8 @@ from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
 from urbanjax.sim.recording import record
 from urbanjax.sim.world import WorldState
-from urbanjax.types import RouteError, ScenarioError, as_arrays, host_record
+from urbanjax.types import ConfigError, RouteError, ScenarioError, as_arrays, host_record
+from urbanjax.types.arguments import kind, number
 
 DURATION = 20.0  # s, of a drive that nothing else ends
 LINKS = 256  # of a route between two lanes
@@ -45,15 +46,28 @@ class Scene:
     n_steps: int
     ego: EgoStart  # where it starts, and its goals
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Who stands in the columns of `evaluation.tracks`: the ego, nobody, and the recorded vehicles by id."""
+        recorded = () if self.map.recording is None else self.map.recording.ids
+        return ("ego", "nobody", *map(str, recorded))
+
     def drive(self, params: LoopParams | None = None) -> Log:
         """The closed loop, compiled: the log of T = n_steps steps. Args: params, others than the scene's own."""
         return _program()(
-            self.params if params is None else as_arrays(params),
+            self.params if params is None else self._checked(params),
             self.course,
             self.lanes,
             self.start,
             n_steps=self.n_steps,
         )[0]
+
+    def _checked(self, params: LoopParams) -> LoopParams:
+        """The params as arrays. Raises as `scene` does for those of another kind, of a batch or at another period."""
+        kind(params, "params", wanted=LoopParams, error=ConfigError)
+        if any(np.ndim(leaf) for leaf in jax.tree.leaves((params.period, params.vehicle, params.stack))):
+            raise ScenarioError("params hold a batch: drive one set at a time, or vmap urbanjax.rollout over them")
+        return as_arrays(_loop(self.map, params))
 
     def reached(self, log: Log) -> bool | None:
         """Whether a goal of the planning problem holds at some step; None where there is no goal. Args: log [T]."""
@@ -86,6 +100,10 @@ def scene(
     where there is no way.
     """
     found = map if isinstance(map, RoadMap) else read(map)
+    if params is not None:
+        kind(params, "params", wanted=LoopParams, error=ConfigError)
+    if duration is not None:
+        number(duration, "duration", error=ScenarioError)
     if sum(given is not None for given in (problem, vehicle, lane)) > 1:
         raise ScenarioError("scene: give one of problem, vehicle and lane")
     if goal is not None and lane is None:
@@ -178,11 +196,18 @@ def _of_problem(found: RoadMap, problem: Any, period: float) -> EgoStart:
 
 
 def _on_lane(found: RoadMap, lane: Hashable, goal: Hashable | None, period: float) -> EgoStart:
-    graph, link = found.graph, found.link(lane)
+    names = [str(name) for name in found.ids]
+    for name in (lane, *(() if goal is None else (goal,))):
+        if str(name) not in names:
+            raise ScenarioError(f"{found.path}: no lane is {name!r}; there are {_listed(names)}")
+    graph, link = found.graph, names.index(str(lane))
     if goal is None:
         route = find_route(graph, link, goals=(link,))
     else:
-        route = route_between(graph, link, goal=found.link(goal), params=RouteParams(n_links=LINKS))
+        try:
+            route = route_between(graph, link, goal=names.index(str(goal)), params=RouteParams(n_links=LINKS))
+        except RouteError as error:
+            raise RouteError(f"{found.path}: lane {goal!r} cannot be reached from lane {lane!r}") from error
     pose = np.array([*np.asarray(graph.centre)[link, 0], np.asarray(graph.heading)[link, 0]], float)
     steps = round(DURATION / period) + 1
     return EgoStart(None, f"lane {lane}", 0, steps, pose, 0.0, None, link, route)

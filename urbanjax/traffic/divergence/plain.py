@@ -11,6 +11,7 @@ from jax import Array
 from urbanjax.traffic.divergence.estimate import DivergenceParams, Estimate, divergence
 from urbanjax.traffic.resampling import Interval, ResamplingParams, consecutive, interval
 from urbanjax.types import as_arrays, pytree
+from urbanjax.types.arguments import array, kind, whole
 from urbanjax.types.errors import TrafficError
 
 PAIR = ((0, 1),)
@@ -48,23 +49,28 @@ def kl_divergence(
 
     The interval is from half samples of blocks of consecutive samples, so that neighbours in time count as what they
     are; it does not know the estimator's bias (docs/divergence.md). For many pairs in one program take
-    `traffic.divergence.estimate.divergence`. Args: p [N, D] and q [M, D] m, in the order driven, N and M need not be
-    equal; k, neighbours; form, one of corrected, printed, adaptive; ties, what is done about samples that coincide, one
-    of error, dedupe, jitter, floor; resampling, draws, blocks and level of the interval; seed of the draws. Raises
-    TrafficError for arrays that are not [N, D], not finite, too short for k and the blocks, or that coincide where ties
-    is error.
+    `traffic.divergence.estimate.divergence`.
+    Args: p [N, D] and q [M, D] m, in the order driven, N and M need not be equal; k, neighbours; form, one of
+    corrected, printed, adaptive; ties, what is done where a k-th neighbour is at distance 0, one of error, dedupe,
+    jitter, floor; resampling, draws, blocks and level of the interval; seed of the draws. Raises TrafficError for
+    arrays that are not [N, D], not finite, too short for k and the blocks, the same, or with such ties where that is an
+    error.
     """
     sides = [_checked(points, name) for name, points in (("p", p), ("q", q))]
     if sides[0].shape[1] != sides[1].shape[1]:
         raise TrafficError(f"p has {sides[0].shape[1]} columns and q {sides[1].shape[1]}: they must be as many")
+    k, seed = whole(k, "k", error=TrafficError, least=1), whole(seed, "seed", error=TrafficError, least=0)
     params = DivergenceParams(ks=(k,), form=form, ties=ties)
     resampling = ResamplingParams() if resampling is None else resampling
+    kind(resampling, "resampling", wanted=ResamplingParams, error=TrafficError)
+    same = len(np.unique(np.concatenate(sides), axis=0)) <= max(len(np.unique(side, axis=0)) for side in sides)
+    if same:
+        raise TrafficError("p and q hold the same samples: an estimate needs two runs, not one and itself")
     least = max(2 * (k + 2), resampling.blocks)
     for name, points in zip("pq", sides, strict=True):
-        if k < 1 or len(points) < least:
+        if len(points) < least:
             raise TrafficError(
-                f"{name} has {len(points)} samples: k={k} neighbours in half of {resampling.blocks} blocks need "
-                f"{least}, and k at least 1"
+                f"{name} has {len(points)} samples: k={k} neighbours in half of {resampling.blocks} blocks need {least}"
             )
     middle = np.concatenate(sides).mean(0)
     points = np.zeros((2, max(map(len, sides)), sides[0].shape[1]))
@@ -113,10 +119,7 @@ def _program(
 
 
 def _checked(points: Any, name: str) -> np.ndarray:
-    try:
-        values = np.asarray(points, float)
-    except (TypeError, ValueError) as error:
-        raise TrafficError(f"{name}: {type(points).__name__} is no array of positions [N, 2]: {error}") from error
+    values = array(points, name, error=TrafficError)
     if values.ndim != 2 or not 1 <= values.shape[1] <= 3:
         raise TrafficError(f"{name} has the shape {values.shape}: positions [N, 2] are needed")
     if not np.isfinite(values).all():

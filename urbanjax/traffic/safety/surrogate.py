@@ -8,6 +8,7 @@ import numpy as np
 
 from urbanjax.traffic.safety.measure import Safety, SafetyParams, measure
 from urbanjax.types import Objects, as_arrays
+from urbanjax.types.arguments import array, kind, number, short
 from urbanjax.types.errors import TrafficError
 
 _measure = jax.jit(measure)
@@ -34,25 +35,33 @@ def surrogate_safety(
     what is there and not finite, and for a dt or a size that is not positive.
     """
     rows = {"position": position, "heading": heading, "speed": speed}
-    given = {name: np.asarray(values, float) for name, values in rows.items()}
-    shape = given["heading"].shape
-    if len(shape) != 2 or 0 in shape:
-        raise TrafficError(f"heading has the shape {shape}: give [T, V], at least one time and one vehicle")
-    for name, wanted in (("position", (*shape, 2)), ("speed", shape)):
-        if given[name].shape != wanted:
-            raise TrafficError(f"{name} has the shape {given[name].shape}, and heading {shape}: it must be {wanted}")
-    if not np.isfinite(dt) or dt <= 0:
-        raise TrafficError(f"dt is {dt}: the time between two samples must be positive, in seconds")
+    given = {name: array(values, name, error=TrafficError) for name, values in rows.items()}
+    shape = given["position"].shape[:2]
+    if given["position"].ndim != 3 or given["position"].shape[2] != 2 or 0 in shape:
+        raise TrafficError(f"position has the shape {given['position'].shape}: give [T, V, 2], at least one of each")
+    for name in ("heading", "speed"):
+        if given[name].shape != shape:
+            raise TrafficError(
+                f"{name} has the shape {given[name].shape}, and position {given['position'].shape}: give [T, V] and "
+                "[T, V, 2]"
+            )
+    dt = number(dt, "dt", error=TrafficError)
+    if params is not None:
+        kind(params, "params", wanted=SafetyParams, error=TrafficError)
     finite = np.isfinite(given["heading"]) & np.isfinite(given["speed"]) & np.isfinite(given["position"]).all(-1)
-    there = finite if valid is None else np.asarray(valid, bool)
-    if there.shape != shape:
-        raise TrafficError(f"valid has the shape {there.shape}, and heading {shape}: they must be equal")
+    there = finite if valid is None else np.asarray(valid)
+    if there.shape != shape or there.dtype != bool:
+        raise TrafficError(f"valid has the shape {there.shape} of {there.dtype}: truth values {shape} are needed")
     if (there & ~finite).any():
         t, v = np.argwhere(there & ~finite)[0]
         raise TrafficError(f"vehicle {v} at time {t} is valid and not finite: correct it, or say valid=False")
+    if not there.any():
+        raise TrafficError("no vehicle is there at any time: nothing is valid, or nothing is finite")
+    if not isinstance(size, tuple | list) or len(size) != 2:
+        raise TrafficError(f"size is {short(size)}: give two, the length and the width")
     sizes = {name: _size(name, values, shape) for name, values in zip(("length", "width"), size, strict=True)}
     # Float32 near the middle of all: map coordinates of many kilometres have no millimetres.
-    middle = given["position"][there].mean(0) if there.any() else np.zeros(2)
+    middle = given["position"][there].mean(0)
     given["position"] = np.where(there[..., None], given["position"] - middle, 0)
     arrays: dict[str, Any] = as_arrays({**given, **sizes})
     tracks = Objects(**arrays, valid=jnp.asarray(there))
@@ -60,7 +69,7 @@ def surrogate_safety(
 
 
 def _size(name: str, values: Any, shape: tuple[int, int]) -> np.ndarray:
-    size = np.asarray(values, float)
+    size = array(values, name, error=TrafficError)
     if size.shape not in ((), (shape[1],), shape):
         raise TrafficError(f"{name} has the shape {size.shape}: give a number, [V] or [T, V], here {shape}")
     if not np.isfinite(size).all() or size.min() <= 0:
