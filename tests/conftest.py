@@ -39,6 +39,7 @@ LONG = (
     "grads",
     "laws",
     "test_docs.py",
+    "experiments",
     "io",
     "planning",
     "registration",

@@ -58,7 +58,7 @@ def test_coordinates_of_a_city_keep_their_millimetres(scans, found):
     assert np.sqrt(np.trace(far.covariance[3:5, 3:5])) == pytest.approx(lever * heading, rel=0.1)
 
 
-@pytest.mark.parametrize("method", ["ndt", "gicp"])
+@pytest.mark.parametrize("method", ["ndt", pytest.param("gicp", marks=pytest.mark.slow)])
 def test_other_methods(scans, method):
     found = register(*scans[:2], resolution=2.0, method=method)
     assert np.linalg.norm(found.T_target_source[:3, 3] - scans[2][:3, 3]) < 0.05

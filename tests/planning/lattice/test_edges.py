@@ -127,9 +127,9 @@ def test_single_precision_is_enough_and_gradients_are_finite():
         return jnp.sum(found.detour) + jnp.sum(found.curvature) + jnp.sum(found.bending) + jnp.sum(found.outside)
 
     offset = jnp.linspace(-2.0, 2.0, 5)[None]
-    single = jax.value_and_grad(total, argnums=(0, 1))(offset, jnp.asarray(0.04))
+    single = jax.jit(jax.value_and_grad(total, argnums=(0, 1)))(offset, jnp.asarray(0.04))
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(single))
     with jax.enable_x64(True):
-        double = total(jnp.linspace(-2.0, 2.0, 5)[None], jnp.asarray(0.04))
+        double = jax.jit(total)(jnp.linspace(-2.0, 2.0, 5)[None], jnp.asarray(0.04))
     assert float(single[0]) == pytest.approx(float(double), rel=1e-5)
-    assert np.all(np.isfinite(jax.grad(total)(jnp.zeros((1, 3)), jnp.asarray(0.0))))
+    assert np.all(np.isfinite(jax.jit(jax.grad(total))(jnp.zeros((1, 3)), jnp.asarray(0.0))))
