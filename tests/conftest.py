@@ -39,7 +39,6 @@ LONG = (
     "grads",
     "laws",
     "test_docs.py",
-    "experiments",
     "io",
     "planning",
     "registration",

@@ -124,7 +124,7 @@ def test_every_experiment_is_looked_at():
         assert importlib.import_module(f"experiments.{name}.__main__")
 
 
-@pytest.mark.parametrize("mode", ["hard", "soft"])
+@pytest.mark.parametrize("mode", ["soft", pytest.param("hard", marks=pytest.mark.slow)])
 def test_what_the_overtaking_program_does_not_depend_on_is_what_is_said(mode):
     study = config.to_params(OvertakeStudy, {"starts": 1, "stack": {"relaxation": {"mode": mode}}})
     course, lanes, starts = overtaking.scene(study)

@@ -36,6 +36,7 @@ def test_a_batch_equals_single_runs(n_starts):
                 np.testing.assert_allclose(many[i], one, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow  # so does io/bridges/highway/test_driver.py, by default
 def test_nothing_compiles_after_the_first_step():
     params = as_arrays(loop_params())
     course, lanes, starts = map(as_arrays, overtake_scene(params, 2))

@@ -133,6 +133,7 @@ def test_a_lane_offset_that_is_lost_or_old_is_not_known(street, drive, offset, v
     assert np.all(np.isfinite(located.info.signs))
 
 
+@pytest.mark.slow  # registration/test_align.py has the gradient of a registration by default
 def test_pose_follows_the_map_by_gradient(street, drive):
     """Moving the map moves the pose: the derivative of x to a shift of all means along x is 1."""
     state, seen = drive.states[5], street.observe(street.ego(65.0), 5)

@@ -84,6 +84,7 @@ def finite(tree):
     return all(np.all(np.isfinite(x)) for x in floats)
 
 
+@pytest.mark.slow  # grads/test_closed_loop.py looks along random directions by default
 def test_gradients_match_central_differences(gradient, scenes, x64):
     window = scenes.road(curvature=0.004)
     progress, state = scenes.ego(window, **STATE)

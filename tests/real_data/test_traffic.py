@@ -73,6 +73,7 @@ def test_equal_drivers_are_told_apart_by_no_excess_and_a_coarse_one_is(sakhir):
                 assert numbers[f"mean_distance_{p}_{q}_m"] < 2.5
 
 
+@pytest.mark.slow  # experiments/test_traffic.py has a made-up platoon, test_flow.py these logs
 def test_deviations_and_gains_of_platoons_are_those_of_their_speeds(platoons):
     rows = {row["platoon"]: row for row in platoons.table("platoons")}
     expected = {
