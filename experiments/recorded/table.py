@@ -27,10 +27,10 @@ def score(drives: Sequence[Drive]) -> dict[str, WithInterval]:
     way, human = (np.array([getattr(d, name) for d in drives]) for name in ("way", "human_way"))
     scene = [d.scene for d in drives]
     moved = human > AT_LEAST
-    ratio, of = way[moved] / human[moved], [name for name, there in zip(scene, moved, strict=True) if there]
+    ratio, moved_in = way[moved] / human[moved], [s for s, there in zip(scene, moved, strict=True) if there]
 
     def ratios(statistic: Callable[[np.ndarray], float]) -> WithInterval:
-        return statistics.bootstrap(lambda i: statistic(ratio[i]), len(ratio), groups=of).percent
+        return statistics.bootstrap(lambda i: statistic(ratio[i]), len(ratio), groups=moved_in).percent
 
     out = {
         "no_at_fault_collision_percent": statistics.rate([not d.at_fault for d in drives]).percent,
@@ -42,10 +42,9 @@ def score(drives: Sequence[Drive]) -> dict[str, WithInterval]:
         "progress_capped_percent": ratios(lambda x: float(np.minimum(x, 1).mean())),
     }
     for whose in ("", "human_"):
-        changes = [_changes(drive, whose) for drive in drives]
-        for quantity, (name, unit) in enumerate(COMFORT.items()):
-            parts = [change[min(quantity, 2)] if quantity < 3 else -change[0] for change in changes]
-            statistic = _root_mean_square(parts) if quantity < 3 else _percentile(parts)
+        acceleration, jerk, lateral = zip(*(_changes(drive, whose) for drive in drives), strict=True)
+        found = *map(_root_mean_square, (acceleration, jerk, lateral)), _percentile([-x for x in acceleration])
+        for (name, unit), statistic in zip(COMFORT.items(), found, strict=True):
             out[f"{whose}{name}_{unit}"] = statistics.bootstrap(statistic, len(drives), groups=scene)
     return out
 

@@ -129,8 +129,8 @@ def summary(found: Calibration) -> dict[str, float]:
         "covariance_scale": found.scale,
         **statistics.rate(found.inside()).flat("coverage_share"),
         **statistics.rate(found.inside(scale=1.0)).flat("coverage_unscaled_share"),
-        "coverage_at_50_percent_share": found.coverage(0.5),
-        "coverage_at_99_percent_share": found.coverage(0.99),
+        **statistics.rate(found.inside(0.5)).flat("coverage_at_50_percent_share"),
+        **statistics.rate(found.inside(0.99)).flat("coverage_at_99_percent_share"),
         **{
             f"error_over_stated_{n}": x
             for n, x in zip(("longitudinal", "lateral", "heading"), found.factors, strict=True)

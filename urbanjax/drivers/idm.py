@@ -1,11 +1,11 @@
 """The driver that keeps to its lane behind whoever is ahead in it."""
 
-import jax
 import jax.numpy as jnp
 import jaxlie
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.behavior.surroundings import relate
 from urbanjax.control.pure_pursuit import PurePursuitParams, steer
 from urbanjax.course import Course
 from urbanjax.localization import given
@@ -89,15 +89,10 @@ class IdmDriver:
 
     def _leaders(self, road: Corridor, objects: Objects, front: Array) -> tuple[Array, Array, Array]:
         """Gap [O] m, speed along the road [O] m/s, and whether each object is ahead in the lane's way [O]."""
-        place = jax.vmap(lambda position, heading: progress(road, position, heading=heading))
-        seen = place(objects.position, objects.heading)
-        cos, sin = jnp.abs(jnp.cos(seen.heading_error)), jnp.abs(jnp.sin(seen.heading_error))
-        half_length = (objects.length * cos + objects.width * sin) / 2
-        half_width = (objects.width * cos + objects.length * sin) / 2
-        reach = half_width + self.vehicle.width / 2 + self.margin
-        inside = (seen.station > road.station[0]) & (seen.station < road.station[-1])
-        ahead = objects.valid & inside & (jnp.abs(seen.offset) < reach) & (seen.station + half_length > front)
-        return seen.station - half_length - front, objects.speed * jnp.cos(seen.heading_error), ahead
+        around = relate(objects, road)
+        reach = around.half_width + self.vehicle.width / 2 + self.margin
+        ahead = around.valid & (jnp.abs(around.offset) < reach) & (around.station + around.half_length > front)
+        return around.station - around.half_length - front, around.speed, ahead
 
 
 def _lane(road: Corridor, here: Progress) -> Path:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -10,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from urbanjax.numerics import symmetric
 from urbanjax.types import CloudError, pytree
-from urbanjax.types.arguments import array
+from urbanjax.types.arguments import array, traced
 
 
 @pytree
@@ -74,7 +73,7 @@ def cloud(
         if values is not None and jnp.shape(values) != shape:
             raise CloudError(f"{name} has the shape {jnp.shape(values)}, and position {position.shape}: not {shape}")
     counted = position if valid is None else jnp.where(valid[:, None], position, 0)
-    if not isinstance(counted, jax.core.Tracer) and not np.isfinite(counted).all():
+    if not traced(counted) and not np.isfinite(counted).all():
         raise CloudError("points that count are not finite: remove them, or set valid to False there")
     eye = jnp.broadcast_to(jnp.eye(3, dtype=position.dtype), (n, 3, 3))
     shape = eye if covariance is None else covariance

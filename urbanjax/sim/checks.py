@@ -1,6 +1,5 @@
 """What a run is begun with, checked once before it is compiled: shapes always, values where they are known."""
 
-import jax
 import numpy as np
 
 from urbanjax.roadmap.corridor import Corridor
@@ -8,6 +7,7 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.replay import Replay
 from urbanjax.sim.world import WorldState
 from urbanjax.types import ScenarioError
+from urbanjax.types.arguments import traced
 
 FARTHEST = 15.0  # m from the nearest lane's centre, beyond which the ego is not on the road
 ASTRAY = 50.0  # m from its route, beyond which the ego cannot be meant to drive there
@@ -27,8 +27,7 @@ def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> N
                 f"start.ego.{name} has the shape {found}, not {shape}: a rollout is one run; vmap it over a batch"
             )
     _check_replay(world.replay)
-    leaves = jax.tree.leaves((ego, world.ego_link, world.time, graph.centre, corridor.position))
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+    if traced(ego, world.ego_link, world.time, graph.centre, corridor.position):
         return
     for name in ("position", "heading", "speed", "acceleration", "steering"):
         if not np.isfinite(getattr(ego, name)).all():

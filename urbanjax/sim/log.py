@@ -12,7 +12,7 @@ from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import HARD, SimParams, Snapshot, WorldState, look
 from urbanjax.types import Command, Objects, ScenarioError, VehicleState, pytree
-from urbanjax.types.arguments import kind
+from urbanjax.types.arguments import kind, traced
 from urbanjax.vehicle.params import VehicleParams
 
 EDGE = 0.2  # m, natural scale of the choice of the outermost point for the relaxation
@@ -111,8 +111,8 @@ def check(log: Log) -> None:
             raise ScenarioError(
                 f"log.{name} has the shape {np.shape(values)}, and log.time {shape}: it must be of that run"
             )
-    leaves = jax.tree.leaves((log.time, log.ego, log.centre, log.road_margin))
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+    known = log.time, log.ego, log.centre, log.road_margin
+    if traced(known):
         return
-    if not all(np.isfinite(leaf).all() for leaf in leaves) or np.any(np.diff(log.time) <= 0):
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(known)) or np.any(np.diff(log.time) <= 0):
         raise ScenarioError("log: its times do not rise, or the ego is not finite somewhere; no score is defined")

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import jax
 import numpy as np
 
 from urbanjax.types.errors import UrbanJaxError
@@ -55,6 +56,11 @@ def array(value: Any, name: str, *, error: type[UrbanJaxError]) -> np.ndarray:
         return found.astype(np.float64)
     except (TypeError, ValueError) as wrong:
         raise error(f"{name}: {type(value).__name__} is no array of real numbers") from wrong
+
+
+def traced(*trees: Any) -> bool:
+    """Whether any leaf is being traced (jit, vmap, grad), so that nobody knows its value. Args: trees of arrays."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
 
 
 def short(value: Any) -> str:

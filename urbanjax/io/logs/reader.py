@@ -41,10 +41,9 @@ def read(paths: str | Path | Iterable[str | Path], form: LogFormat | None = None
     """The logs of one or more files, each a path or a pattern (`*/*_tel.json`), in the order of files and vehicles.
 
     Args: paths of files, or patterns; form, the files' format (default: columns time, x and y in s and m, one vehicle
-    per file). Raises LogError, naming file, row and column and what to
-    do, for a file that is missing, too large, cut off or not in the stated format; for samples that are not finite,
-    said twice or out of order, unless the format says what to do with them; and for units in which the stated speed is
-    not that of the positions.
+    per file). Raises LogError, naming file, row and column and what to do, for a file that is missing, too large, cut
+    off or not in the stated format; for samples that are not finite, said twice or out of order, unless the format says
+    what to do with them; and for units in which the stated speed is not that of the positions.
     """
     form = LogFormat() if form is None else form
     kind(form, "form", wanted=LogFormat, error=LogError)

@@ -92,12 +92,10 @@ def scene(
 
     Recorded road users move as they did, signals are green. Without a choice it is the first planning problem. A
     recorded vehicle keeps its size; that of a problem is the one of `params`; on a lane the drive begins at its start,
-    standing. Args: map, as read, or its file; problem,
-    its place in the file from 0 or its id; vehicle, id of a recorded one that the stack drives in the place of; lane,
-    id of one to start on, and goal, of one to reach (default: on along the lane); duration [s]
-    (default: of the record, to the latest goal, or 20); params, of the loop (default: at the recording's period).
-    Raises ScenarioError for what the map does not have, RouteError
-    where there is no way.
+    standing. Args: map, as read, or its file; problem, its place in the file from 0 or its id; vehicle, id of a
+    recorded one that the stack drives in the place of; lane, id of one to start on, and goal, of one to reach (default:
+    on along the lane); duration [s] (default: of the record, to the latest goal, or 20); params, of the loop (default:
+    at the recording's period). Raises ScenarioError for what the map does not have, RouteError where there is no way.
     """
     found = map if isinstance(map, RoadMap) else read(map)
     if params is not None:
