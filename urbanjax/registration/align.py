@@ -167,7 +167,15 @@ def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: A
         damping=jnp.asarray(params.damping, dtype),
         iterations=jnp.asarray(0, jnp.int32),
         converged=jnp.asarray(False),
-        system=System(eye, nothing(6), nothing(), nothing(3, n), nothing(6, n), nothing(n)),
+        system=System(
+            hessian=eye,
+            gradient=nothing(6),
+            cost=nothing(),
+            isotropic=eye,
+            residual=nothing(3, n),
+            information=nothing(6, n),
+            weight=nothing(n),
+        ),
         near=jnp.zeros(n, bool),
     )
     return lax.while_loop(unfinished, iterate, first)

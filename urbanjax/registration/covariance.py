@@ -5,7 +5,7 @@ from jax import Array, lax
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Float
 
-from urbanjax.registration.linear import System, isotropic, scatter
+from urbanjax.registration.linear import System, scatter
 from urbanjax.registration.points import PointCloud
 from urbanjax.types import POSITIVE, field, pytree
 
@@ -45,7 +45,7 @@ def covariance(
     prior, floor = jnp.repeat(jnp.stack([rotation, translation], axis=1), 3, axis=1)
     # In units of the prior, in which radians and metres compare.
     unit, eye = prior[:, None] * prior[None, :], jnp.eye(6, dtype=prior.dtype)
-    even = isotropic(at, source) * unit
+    even = at.isotropic * unit
     root = jnp.linalg.cholesky(even + (jnp.finfo(even.dtype).eps * jnp.trace(even) + LEAST) * eye)
     value, axes = jnp.linalg.eigh(_between(root, at.hessian * unit))
     across = _product(axes.T, _product(_between(root, scatter(at, source) * unit), axes))

@@ -72,6 +72,7 @@ class System:
     hessian: Array  # [6, 6]
     gradient: Array  # [6]
     cost: Array  # []
+    isotropic: Array  # [6, 6] H if each pair said as much in every direction as in all together: sum w tr(Omega) J' J
     residual: Array  # [3, N] m in the body frame
     information: Array  # [6, N] in the body frame
     weight: Array  # [N]
@@ -116,9 +117,19 @@ def linearise(
     else:
         weight = pairs.weight * kernels.weight(squared, params.kernel, scale=params.kernel_scale)
     values = jnp.concatenate([information, pulled, squared[None]]) * weight[None]
-    sums = _product(_moments(source), values)
+    position = source.position
+    moments = jnp.concatenate([jnp.ones_like(position[:1]), position, symmetric.outer(position)])
+    sums = _product(moments, values)
     system = jnp.matmul(jnp.asarray(ASSEMBLY, sums.dtype), sums.reshape(100), precision=lax.Precision.HIGHEST)
-    return System(system[:36].reshape(6, 6), system[36:42], system[42], residual, information, weight)
+    return System(
+        hessian=system[:36].reshape(6, 6),
+        gradient=system[36:42],
+        cost=system[42],
+        isotropic=system[43:].reshape(6, 6),
+        residual=residual,
+        information=information,
+        weight=weight,
+    )
 
 
 def held_cost(
@@ -146,24 +157,6 @@ def scatter(at: System, source: PointCloud) -> Float[Array, "6 6"]:
     return _product(each, each)
 
 
-def isotropic(at: System, source: PointCloud) -> Float[Array, "6 6"]:
-    """The Hessian if each pair said as much in every direction as in all together: sum w tr(Omega) J' J.
-
-    Args: at, the problem at a pose; source, the scan in its body frame.
-    """
-    trace = at.weight * (at.information[0] + at.information[3] + at.information[5])
-    sums = _product(_moments(source), trace[None])
-    alike = jnp.array((*symmetric.IDENTITY, 0, 0, 0, 0), sums.dtype)
-    assembly = jnp.asarray(ASSEMBLY[:36], sums.dtype)
-    return jnp.matmul(assembly, (sums * alike[None]).reshape(100), precision=lax.Precision.HIGHEST).reshape(6, 6)
-
-
-def _moments(source: PointCloud) -> Array:
-    """(1, s, s s') of each point [10, N]."""
-    position = source.position
-    return jnp.concatenate([jnp.ones_like(position[:1]), position, symmetric.outer(position)])
-
-
 def _product(a: Array, b: Array) -> Array:
     return lax.dot_general(a, b, (((1,), (1,)), ((), ())), precision=lax.Precision.HIGHEST)
 
@@ -173,9 +166,9 @@ SKEW = np.cross(np.eye(3)[:, None, :], np.eye(3)[None, :, :]).transpose(0, 2, 1)
 
 
 def _assembly() -> np.ndarray:
-    """[43, 100]: H (36), b (6) and the cost from the ten moments times the ten values."""
+    """[79, 100]: H (36), b (6), the cost and the isotropic H (36) from the ten moments times the ten values."""
     place = np.array(symmetric.PLACE)
-    out = np.zeros((43, 10, 10))
+    out = np.zeros((79, 10, 10))
     hessian = out[:36].reshape(6, 6, 10, 10)
     for k in range(3):
         for m in range(3):
@@ -192,7 +185,10 @@ def _assembly() -> np.ndarray:
         for c in range(3):
             out[36:39, 1 + c, 6 + k] -= SKEW[c][:, k]
     out[42, 0, 9] = 0.5
-    return out.reshape(43, 100)
+    # H with tr(Omega) I in place of Omega.
+    diagonal = place.diagonal()
+    out[43:, :, diagonal] = out[:36, :, diagonal].sum(-1, keepdims=True)
+    return out.reshape(79, 100)
 
 
 ASSEMBLY = _assembly()
