@@ -208,4 +208,5 @@ def tracks(log: Log, vehicle: VehicleParams | None = None) -> Objects:
     own, others = log.ego, log.traffic
     length, width = (jnp.full_like(own.speed, size) for size in (vehicle.length, vehicle.width))
     ego = Objects(log.centre, own.heading, own.speed, length, width, valid=jnp.ones(own.speed.shape, bool))
+    ego = ego if others.kind is None else ego.with_kinds()
     return jax.tree.map(lambda a, b: jnp.concatenate([a[:, None], b], axis=1), ego, others)

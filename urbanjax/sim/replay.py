@@ -21,6 +21,7 @@ class Replay:
     width: Array  # [V] m
     valid: Array  # [T, V] bool
     period: Array  # [] s
+    kind: Array | None = None  # [V] int32, a RoadUser; None: all are vehicles
 
 
 def objects(replay: Replay, time: Float[Array, ""]) -> Objects:
@@ -48,4 +49,5 @@ def objects(replay: Replay, time: Float[Array, ""]) -> Objects:
         length=replay.length,
         width=replay.width,
         valid=replay.valid[before] & (steps < last + 0.5),  # the last record holds for half a period
+        kind=replay.kind,
     )

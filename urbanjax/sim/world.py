@@ -258,6 +258,7 @@ def everybody(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Obj
     if world.replay is None:
         return vehicles
     recorded = replay.objects(world.replay, world.time)
+    vehicles = vehicles if recorded.kind is None else vehicles.with_kinds()
     return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), vehicles, recorded)
 
 

@@ -10,7 +10,7 @@ from urbanjax.types.errors import (
     UrbanJaxError,
 )
 from urbanjax.types.limits import POSITIVE, SHARE
-from urbanjax.types.objects import Objects, Prediction
+from urbanjax.types.objects import Objects, Prediction, RoadUser
 from urbanjax.types.observation import LaneOffset, Observation
 from urbanjax.types.path import Path
 from urbanjax.types.scan import Mount, Scan
@@ -38,6 +38,7 @@ __all__ = [
     "Path",
     "Prediction",
     "RoadError",
+    "RoadUser",
     "RouteError",
     "Scan",
     "ScenarioError",

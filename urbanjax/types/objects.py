@@ -1,8 +1,19 @@
 """Other road users, as perceived now and as predicted."""
 
+import enum
+
+import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.types.struct import pytree
+
+
+class RoadUser(enum.IntEnum):
+    """What somebody on the road is."""
+
+    VEHICLE = 0
+    PEDESTRIAN = 1
+    CYCLIST = 2
 
 
 @pytree
@@ -15,6 +26,11 @@ class Objects:
     length: Array  # [O] m
     width: Array  # [O] m
     valid: Array  # [O] bool
+    kind: Array | None = None  # [O] int32, a RoadUser; None: all are vehicles
+
+    def with_kinds(self) -> "Objects":
+        """The same with `kind` filled in."""
+        return self if self.kind is not None else self.replace(kind=jnp.zeros(self.valid.shape, jnp.int32))
 
 
 @pytree

@@ -1,0 +1,25 @@
+"""One drive to be done: where, among whom, and what is asked."""
+
+from jax import Array
+
+from urbanjax.course import Course
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.sim.lanes import LaneTables
+from urbanjax.sim.world import WorldState
+from urbanjax.types import pytree
+
+
+@pytree
+class Case:
+    """A road, a start on it and an aim, or C of them stacked along the first axis."""
+
+    corridor: Corridor  # along the route
+    lanes: LaneTables  # the simulator's tables, with the road graph
+    start: WorldState
+    goal: Array  # [] m, station of the route that the ego's box centre has to pass
+    limit: Array  # [] s, within which
+
+    @property
+    def course(self) -> Course:
+        """What the driver is given."""
+        return Course(self.lanes.graph, self.corridor)

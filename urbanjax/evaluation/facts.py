@@ -1,0 +1,150 @@
+"""What happened in a drive, step by step: all that scores and verdicts are made of. Hard; batches go through vmap."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Float
+
+from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.metrics import tracks
+from urbanjax.geometry.boxes import box, overlap
+from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.graph import RoadType
+from urbanjax.roadmap.progress import Progress, progress, sample
+from urbanjax.sim import signals
+from urbanjax.sim.log import Log
+from urbanjax.types import Objects, SignalState, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+ROUNDING = 1e-3  # s, by which sums of periods may be off
+
+
+@pytree
+class Facts:
+    """A drive of T steps among V others. It ends when the goal is reached or the time is up: see `alive`."""
+
+    time: Array  # [T] s since the start
+    alive: Array  # [T] bool, the drive is still on
+    station: Array  # [T] m along the route, of the box centre
+    offset: Array  # [T] m from the route's reference line, left positive
+    heading_error: Array  # [T] rad, against the reference line
+    along: Array  # [T] m/s, speed in the direction of the lane that the box centre lies in
+    speed_limit: Array  # [T] m/s
+    yaw_rate: Array  # [T] rad/s
+    acceleration: Array  # [T] m/s^2, longitudinal
+    in_one_lane: Array  # [T] bool, the whole box lies in a single lane
+    in_junction: Array  # [T] bool, the box centre does
+    lane_offset: Array  # [T] m, of the box centre from the centre of the lane it is in
+    road_margin: Array  # [T] m, from the outermost point of the box to the edge of the road, negative outside
+    ran_red: Array  # [T] bool, the front bumper crossed a stop line at red since the step before
+    ego: Objects  # [T], its box
+    others: Objects  # [T, V], with their kinds
+    touches: Array  # [T, V] bool, boxes overlap
+    first_touch: Array  # [T, V] bool, and had not before in this drive
+    goal: Array  # [] m, station
+    limit: Array  # [] s
+    reached: Array  # [] bool, the goal within the limit
+
+    @property
+    def duration(self) -> Array:
+        """[] s, until the drive ends."""
+        return jnp.max(jnp.where(self.alive, self.time, 0))
+
+    @property
+    def way(self) -> Array:
+        """[] m along the route, from the start to where the drive ends."""
+        return self.station[jnp.sum(self.alive) - 1] - self.station[0]
+
+
+def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
+    """What happened. Args: log [T], of one run of the case; case, not stacked; vehicle, the ego's dimensions."""
+    everybody = tracks(log, vehicle).with_kinds()
+    ego, others = (jax.tree.map(take, everybody) for take in (lambda x: x[:, 0], lambda x: x[:, 1:]))
+    place = jax.vmap(lambda position, heading: progress(case.corridor, position, heading=heading))(
+        ego.position, ego.heading
+    )
+    lane = _lane(case, place, ego)
+    time = log.time - log.time[0]
+    passed = place.station >= case.goal
+    earlier = jnp.concatenate([jnp.zeros((1,), bool), jnp.cumsum(passed)[:-1] > 0])
+    alive = ~earlier & (time <= case.limit + ROUNDING)
+    touches = _touches(ego, others) & alive[:, None]
+    return Facts(
+        time=time,
+        alive=alive,
+        station=place.station,
+        offset=place.offset,
+        heading_error=place.heading_error,
+        along=ego.speed * jnp.cos(place.heading_error) * jnp.where(lane.oncoming, -1, 1),
+        speed_limit=lane.speed_limit,
+        yaw_rate=log.ego.speed * jnp.tan(log.ego.steering) / vehicle.wheelbase,
+        acceleration=log.ego.acceleration,
+        in_one_lane=lane.whole,
+        in_junction=lane.junction,
+        lane_offset=lane.offset,
+        road_margin=log.road_margin,
+        ran_red=_ran_red(log, case, place.station + vehicle.length / 2) & alive,
+        ego=ego,
+        others=others,
+        touches=touches,
+        first_touch=touches & (jnp.cumsum(touches, axis=0) == 1),
+        goal=case.goal,
+        limit=case.limit,
+        reached=jnp.any(passed & alive),
+    )
+
+
+@pytree
+class _LaneThere:
+    """The lane across the route that a box centre lies in, [T]."""
+
+    offset: Array
+    oncoming: Array
+    whole: Array
+    junction: Array
+    speed_limit: Array
+
+
+def _lane(case: Case, place: Progress, ego: Objects) -> _LaneThere:
+    """The lane whose centre is nearest, in units of its width."""
+    corridor = case.corridor
+    at = sample(corridor, place.station)
+    away = jnp.abs(place.offset[:, None] - at.lane_offset) / at.lane_width
+    q = jnp.argmin(jnp.where(at.has_lane, away, jnp.inf), axis=1)[:, None]
+
+    def of_lane(values: Array) -> Array:
+        return jnp.take_along_axis(values, q, axis=1)[:, 0]
+
+    offset = place.offset - of_lane(at.lane_offset)
+    cos, sin = jnp.abs(jnp.cos(place.heading_error)), jnp.abs(jnp.sin(place.heading_error))
+    reach = (ego.width * cos + ego.length * sin) / 2
+    return _LaneThere(
+        offset=offset,
+        oncoming=of_lane(at.oncoming),
+        whole=jnp.abs(offset) + reach <= of_lane(at.lane_width) / 2,
+        junction=case.lanes.graph.road_type[of_lane(_links(corridor, place.station))] == RoadType.JUNCTION,
+        speed_limit=at.speed_limit,
+    )
+
+
+def _links(corridor: Corridor, station: Float[Array, " t"]) -> Array:
+    """The links [T, Q] across the route at stations."""
+    row = jnp.round((station - corridor.station[0]) / corridor.spacing).astype(jnp.int32)
+    return corridor.lane_link[jnp.clip(row, 0, corridor.station.shape[0] - 1)]
+
+
+def _ran_red(log: Log, case: Case, front: Float[Array, " t"]) -> Bool[Array, " t"]:
+    """Steps in which a stop line came to lie behind the front bumper while its signal had been red."""
+    road = case.corridor
+    if case.lanes.graph.n_signals == 0:
+        return jnp.zeros(front.shape, bool)
+    shown = jax.vmap(lambda time: signals.show(case.start.signals, time).shown(road.stop_signal))(log.time)
+    crossed = (front[:-1, None] <= road.stop_station) & (front[1:, None] > road.stop_station) & road.has_stop
+    ran = jnp.any(crossed & (shown[:-1] == SignalState.RED), axis=1)
+    return jnp.concatenate([jnp.zeros((1,), bool), ran])
+
+
+def _touches(ego: Objects, others: Objects) -> Bool[Array, "t v"]:
+    own = jax.tree.map(lambda x: x[:, None], box(ego.position, ego.heading, length=ego.length, width=ego.width))
+    theirs = box(others.position, others.heading, length=others.length, width=others.width)
+    return overlap(own, theirs) & others.valid
