@@ -117,20 +117,49 @@ def rollout(
         kind(given, name, wanted=wanted, error=ScenarioError)
     check_start(lanes.graph, course.corridor, world=start)
     whole(n_steps, "n_steps", error=ScenarioError, least=1)
+    _, kept = go_on(params, course, lanes, begin(params, course, start), n_steps, keep, sensing)
+    return kept
+
+
+@pytree
+class Underway:
+    """A closed loop between two steps."""
+
+    state: Any  # of the driver
+    world: WorldState
+
+
+def begin(params: LoopParams, course: Course, start: WorldState) -> Underway:
+    """The loop before its first step; see `rollout`. Args: course, what the drive is about; start, the world."""
+    return Underway(params.handed_down()[0].init(course, start.ego.pose), start)
+
+
+def go_on(
+    params: LoopParams,
+    course: Course,
+    lanes: LaneTables,
+    now: Underway,
+    n_steps: int,
+    keep: Callable[[Any], Any] = trace,
+    sensing: Sensing | None = None,
+) -> tuple[Underway, tuple[Log, Any]]:
+    """`n_steps` more of a loop that has begun, for drives that end when they are done; see `rollout`.
+
+    Args: course, what the drive is about; lanes, the simulator's tables; now, the loop so far; n_steps; keep, what is
+    kept of each step; sensing, for a stack that localizes itself.
+    """
     driver, sim = params.handed_down()
     course = course.replace(graph=lanes.graph)  # one graph in the program, not two
     relaxation = getattr(driver, "relaxation", HARD)
 
-    def body(carry: tuple, _: None) -> tuple[tuple, tuple]:
-        state, now = carry
+    def body(carry: Underway, _: None) -> tuple[Underway, tuple]:
+        now = carry.world
         seen = world.look(sim, lanes, world=now)
         observation = world.observe(sim, lanes, world=now, seen=seen, sensing=sensing)
-        command, following, info = driver.step(course, state, observation)
+        command, following, info = driver.step(course, carry.state, observation)
         entry = log.record(sim, lanes, world=now, command=command, relaxation=relaxation, seen=seen)
         after = world.step(sim, lanes, now, command, params.period, relaxation, seen)
-        return (following, after), (entry, keep(info))
+        return Underway(following, after), (entry, keep(info))
 
-    first = driver.init(course, start.ego.pose)
     # The backward pass recomputes each step from its start: memory grows with the state alone, not with the plans.
-    _, kept = jax.lax.scan(jax.checkpoint(body, prevent_cse=False), (first, start), length=n_steps)
-    return kept
+    return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), now, length=n_steps)

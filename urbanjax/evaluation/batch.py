@@ -1,0 +1,146 @@
+"""Many drives: chunks of one fixed size through one compiled program, each until its last drive is done.
+
+A chunk is what one device computes at once; the last one is filled up with repeats. What comes out for a drive does
+not depend on which others share its chunk.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.facts import facts
+from urbanjax.evaluation.missions.mission import LONGEST, Mission
+from urbanjax.evaluation.traffic import mannered, mannered_sim
+from urbanjax.evaluation.verdict import judge
+from urbanjax.numerics.compiling import compiler_options
+from urbanjax.rollout import LoopParams, Underway, begin, go_on
+from urbanjax.sim.log import Log
+from urbanjax.types import as_arrays, host_record
+
+CHUNK = 16  # drives at once: faster per drive than one or 64
+SEGMENT = 50  # steps between two looks at whether anybody is still driving
+
+
+@host_record
+class Job:
+    """One drive to be done."""
+
+    mission: Mission
+    seed: int
+
+
+@host_record
+class Outcome:
+    """What came of one drive."""
+
+    job: Job
+    row: dict[str, Any]  # numbers, flags and names by column
+    log: Log | None = None  # [T], where it was asked for
+
+
+def outcomes(
+    loop: LoopParams, jobs: Sequence[Job], *, traffic: str = "idm", chunk: int = CHUNK, logs: bool = False
+) -> Iterator[Outcome]:
+    """The outcome of every job, in their order, as chunks end.
+
+    All missions of one size share a program. Args: loop, with the driver; jobs; traffic, how the others drive (see
+    `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept.
+    """
+    loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
+    parts = [jobs[k : k + chunk] for k in range(0, len(jobs), chunk)]
+    devices = jax.local_devices()
+
+    def work(k: int) -> list[Outcome]:
+        with jax.default_device(devices[k % len(devices)]):
+            return _drive(loop, parts[k], traffic, chunk, logs)
+
+    if len(devices) == 1:
+        for k in range(len(parts)):
+            yield from work(k)
+        return
+    with ThreadPoolExecutor(len(devices)) as pool:
+        for done in pool.map(work, range(len(parts))):
+            yield from done
+
+
+def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
+    """The drive that a job is about. Args: loop, for the vehicle and the traffic; job; traffic, how the others drive."""
+    case = job.mission.case(job.seed, others=loop.sim.traffic, vehicle=loop.vehicle)
+    return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
+
+
+def _drive(loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool) -> list[Outcome]:
+    """One chunk."""
+    found = [case_of(loop, job, traffic=traffic) for job in jobs]
+    found += [found[-1]] * (chunk - len(found))
+    cases = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *found)
+    longest = round(LONGEST / float(loop.period))
+    now = _begin(loop, cases)
+    parts, driven = [], 0
+    while driven < longest:
+        now, log, going = _segment(loop, cases, now, n_steps=SEGMENT)
+        parts.append(jax.device_get(log))
+        driven += SEGMENT
+        if not bool(np.any(going[: len(jobs)])):
+            break
+    whole = _padded(parts, longest, float(loop.period))
+    rows = jax.device_get(_judge(loop, cases, whole))
+    return [
+        Outcome(
+            job,
+            {"mission": job.mission.name, "seed": job.seed, "traffic": traffic, **{n: v[k] for n, v in rows.items()}},
+            jax.tree.map(lambda x, k=k: x[k], whole) if logs else None,
+        )
+        for k, job in enumerate(jobs)
+    ]
+
+
+def _padded(parts: list[Log], steps: int, period: float) -> Log:
+    """The parts of a log joined, and its end held until there are as many steps as in any."""
+
+    def join(*x: np.ndarray) -> np.ndarray:
+        joined = np.concatenate(x, axis=1)[:, :steps]
+        missing = steps - joined.shape[1]
+        return np.concatenate([joined, np.repeat(joined[:, -1:], missing, axis=1)], axis=1) if missing else joined
+
+    log = jax.tree.map(join, *parts)
+    known = min(len(parts) * SEGMENT, steps)
+    later = log.time[:, known - 1 : known] + period * np.arange(1, steps - known + 1, dtype=log.time.dtype)
+    return dataclasses.replace(log, time=np.concatenate([log.time[:, :known], later], axis=1))
+
+
+def _nothing(info: Any) -> None:
+    return None
+
+
+@functools.partial(jax.jit, compiler_options=compiler_options())
+def _begin(loop: LoopParams, cases: Case) -> Underway:
+    return jax.vmap(lambda case: begin(loop, case.course, case.start))(cases)
+
+
+@functools.partial(jax.jit, static_argnames="n_steps", compiler_options=compiler_options())
+def _segment(loop: LoopParams, cases: Case, now: Underway, n_steps: int) -> tuple[Underway, Log, jax.Array]:
+    """Some steps of all, and which of them are still driving."""
+
+    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
+        after, (log, _) = go_on(loop, case.course, case.lanes, now, n_steps, _nothing)
+        seen = facts(log, case, vehicle=loop.vehicle)
+        late = after.world.time - case.start.time > case.limit
+        return after, log, ~jnp.any(seen.station >= case.goal) & ~late
+
+    return jax.vmap(one)(cases, now)
+
+
+@functools.partial(jax.jit, compiler_options=compiler_options())
+def _judge(loop: LoopParams, cases: Case, logs: Log) -> dict[str, jax.Array]:
+    def one(case: Case, log: Log) -> dict[str, jax.Array]:
+        return judge(facts(log, case, vehicle=loop.vehicle), loop.vehicle)
+
+    return jax.vmap(one)(cases, logs)

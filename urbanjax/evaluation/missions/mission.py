@@ -1,0 +1,53 @@
+"""A kind of drive of which there are as many as there are seeds (host side)."""
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from urbanjax.evaluation.case import Case
+from urbanjax.sim.agents import TrafficParams
+from urbanjax.sim.scenarios.drawn_roads import DrawnRoad
+from urbanjax.sim.scenarios.stage import Cast, Stage, StageSize, stage
+from urbanjax.types import host_record
+from urbanjax.vehicle.params import VehicleParams
+
+ROADS = 16  # that a mission draws; seed after seed takes the next one
+LONGEST = 30.0  # s, of any drive
+SLACK = 4.0  # s, on top of the time that the pace of a mission gives
+
+
+@host_record
+class Mission:
+    """Where, among whom, how far and within which time. Success is told by `scores.competition`."""
+
+    name: str
+    number: int  # of the generator's seed: missions draw independently
+    road: Callable[[np.random.Generator], DrawnRoad]
+    cast: Callable[[np.random.Generator, Cast], None]
+    way: float  # m, from the start to the goal
+    pace: float  # of the speed limit, that the time limit asks for
+    size: StageSize = StageSize()
+
+    def limit(self, speed_limit: float) -> float:
+        """Time [s] in which the goal is to be reached. Args: speed_limit m/s."""
+        return min(self.way / (self.pace * speed_limit) + SLACK, LONGEST)
+
+    def case(self, seed: int, *, others: TrafficParams, vehicle: VehicleParams) -> Case:
+        """The drive of a seed: the same for every driver, and whatever else is drawn.
+
+        Args: seed; others, how traffic drives; vehicle, the ego's dimensions.
+        """
+        where, speed_limit = _stage(self, seed % ROADS)
+        cast = Cast(where, others, vehicle=vehicle)
+        self.cast(np.random.default_rng([self.number, seed, 1]), cast)
+        goal = cast.start + float(vehicle.centre_offset) + self.way
+        numbers = (np.float32(x) for x in (goal, self.limit(speed_limit)))
+        return Case(where.corridor, where.lanes, cast.world(), *numbers)
+
+
+@functools.cache
+def _stage(mission: Mission, which: int) -> tuple[Stage, float]:
+    """One of the roads of a mission, made once."""
+    road = mission.road(np.random.default_rng([mission.number, which, 0]))
+    return stage(road.graph, road.start, goal=road.goal, size=mission.size), road.speed_limit

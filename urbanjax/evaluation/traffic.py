@@ -1,0 +1,72 @@
+"""How the others drive: an axis of its own beside missions and drivers (host side)."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from urbanjax.sim.agents import Traffic
+from urbanjax.sim.world import SimParams, WorldState
+
+UNREACHABLE = 1e3  # m, that the ego would have to reach into a lane for somebody to care
+
+
+def idm(rng: np.random.Generator, traffic: Traffic) -> Traffic:
+    """All drivers alike: they follow (IDM), keep their lane and yield. Args: rng; traffic [V], as the mission drew it."""
+    return traffic
+
+
+def mixed(rng: np.random.Generator, traffic: Traffic) -> Traffic:
+    """Headway, wanted speed and politeness drawn for each; half of them change lanes. Args: rng; traffic [V]."""
+    n = len(traffic.valid)
+    return _with(
+        traffic,
+        headway=rng.uniform(0.7, 2.2, n),
+        desired_speed=traffic.desired_speed * rng.uniform(0.8, 1.2, n),
+        politeness=rng.uniform(0.0, 0.6, n),
+        changes=(rng.random(n) < 0.5) & traffic.reacts,
+    )
+
+
+def assertive(rng: np.random.Generator, traffic: Traffic) -> Traffic:
+    """Short headways, a fifth faster, all change lanes without a thought for others. Args: rng; traffic [V]."""
+    return _with(
+        traffic,
+        headway=np.full(len(traffic.valid), 0.6),
+        desired_speed=traffic.desired_speed * 1.2,
+        politeness=np.zeros(len(traffic.valid)),
+        changes=np.asarray(traffic.reacts),
+    )
+
+
+def non_yielding(rng: np.random.Generator, traffic: Traffic) -> Traffic:
+    """As `idm` among each other, but nobody brakes for the ego or yields to it. Args: rng; traffic [V]."""
+    return traffic
+
+
+MANNERS: dict[str, Callable[[np.random.Generator, Traffic], Traffic]] = {
+    "idm": idm,
+    "mixed": mixed,
+    "assertive": assertive,
+    "non_yielding": non_yielding,
+}
+
+
+def mannered(world: WorldState, name: str, *, seed: int) -> WorldState:
+    """The world with traffic of that manner. Args: world; name, in MANNERS; seed, of what is drawn for each driver."""
+    rng = np.random.default_rng([list(MANNERS).index(name), seed])
+    return dataclasses.replace(world, traffic=MANNERS[name](rng, world.traffic))
+
+
+def mannered_sim(sim: SimParams, name: str) -> SimParams:
+    """The simulator for traffic of that manner. Args: sim; name, in MANNERS."""
+    if name != "non_yielding":
+        return sim
+    return dataclasses.replace(sim, reaction=dataclasses.replace(sim.reaction, margin=UNREACHABLE))
+
+
+def _with(traffic: Traffic, **columns: np.ndarray) -> Traffic:
+    now = {name: np.asarray(getattr(traffic, name)) for name in columns}
+    return dataclasses.replace(
+        traffic, **{name: np.asarray(column, now[name].dtype) for name, column in columns.items()}
+    )
