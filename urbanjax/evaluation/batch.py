@@ -71,7 +71,7 @@ def outcomes(
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
-    """The drive that a job is about. Args: loop, for the vehicle and the traffic; job; traffic, how the others drive."""
+    """The drive that a job is about. Args: loop, for vehicle and traffic; job; traffic, how the others drive."""
     case = job.mission.case(job.seed, others=loop.sim.traffic, vehicle=loop.vehicle)
     return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
 

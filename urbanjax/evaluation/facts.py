@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.metrics import tracks
@@ -32,6 +32,7 @@ class Facts:
     speed_limit: Array  # [T] m/s
     yaw_rate: Array  # [T] rad/s
     acceleration: Array  # [T] m/s^2, longitudinal
+    wrong_way: Array  # [T] bool, the box centre lies in an oncoming lane that may not be used to overtake
     in_one_lane: Array  # [T] bool, the whole box lies in a single lane
     in_junction: Array  # [T] bool, the box centre does
     lane_offset: Array  # [T] m, of the box centre from the centre of the lane it is in
@@ -79,6 +80,7 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
         speed_limit=lane.speed_limit,
         yaw_rate=log.ego.speed * jnp.tan(log.ego.steering) / vehicle.wheelbase,
         acceleration=log.ego.acceleration,
+        wrong_way=lane.oncoming & ~lane.permitted & alive,
         in_one_lane=lane.whole,
         in_junction=lane.junction,
         lane_offset=lane.offset,
@@ -100,6 +102,7 @@ class _LaneThere:
 
     offset: Array
     oncoming: Array
+    permitted: Array  # to be entered from the route's lane
     whole: Array
     junction: Array
     speed_limit: Array
@@ -121,16 +124,26 @@ def _lane(case: Case, place: Progress, ego: Objects) -> _LaneThere:
     return _LaneThere(
         offset=offset,
         oncoming=of_lane(at.oncoming),
+        permitted=of_lane(_permitted(corridor, _rows(corridor, place.station))),
         whole=jnp.abs(offset) + reach <= of_lane(at.lane_width) / 2,
-        junction=case.lanes.graph.road_type[of_lane(_links(corridor, place.station))] == RoadType.JUNCTION,
+        junction=case.lanes.graph.road_type[of_lane(corridor.lane_link[_rows(corridor, place.station)])]
+        == RoadType.JUNCTION,
         speed_limit=at.speed_limit,
     )
 
 
-def _links(corridor: Corridor, station: Float[Array, " t"]) -> Array:
-    """The links [T, Q] across the route at stations."""
+def _rows(corridor: Corridor, station: Float[Array, " t"]) -> Int[Array, " t"]:
+    """The rows of the corridor's table that are nearest to stations."""
     row = jnp.round((station - corridor.station[0]) / corridor.spacing).astype(jnp.int32)
-    return corridor.lane_link[jnp.clip(row, 0, corridor.station.shape[0] - 1)]
+    return jnp.clip(row, 0, corridor.station.shape[0] - 1)
+
+
+def _permitted(corridor: Corridor, row: Int[Array, " t"]) -> Bool[Array, "t q"]:
+    """Whether every change from the route's own lane to each lane is permitted there."""
+    own, change = corridor.route_lane, corridor.change[row]
+    left = jnp.cumprod(change[:, own:], axis=1) > 0
+    right = jnp.cumprod(change[:, :own][:, ::-1], axis=1)[:, ::-1] > 0
+    return jnp.concatenate([right, jnp.ones_like(right[:, :1]), left], axis=1)
 
 
 def _ran_red(log: Log, case: Case, front: Float[Array, " t"]) -> Bool[Array, " t"]:

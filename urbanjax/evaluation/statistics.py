@@ -102,3 +102,15 @@ def bootstrap(
 def stretches(count: int, blocks: int = 40) -> np.ndarray:
     """Groups [N] of consecutive samples of one drive, as many in each. Args: count, N; blocks, their number."""
     return np.arange(count) * min(blocks, max(count, 1)) // max(count, 1)
+
+
+def paired(ours: Any, theirs: Any, *, groups: Any = None, level: float = LEVEL, seed: int = 0) -> WithInterval:
+    """The mean difference of runs that began alike, ours less theirs, with its bootstrap interval.
+
+    Args: ours and theirs [N], of the same starts in the same order; groups [N], what each start belongs to; level,
+    nominal coverage; seed of the draws. Raises ScenarioError for different numbers of runs.
+    """
+    one, other = np.asarray(ours, float), np.asarray(theirs, float)
+    if one.shape != other.shape:
+        raise ScenarioError(f"{one.size} and {other.size} runs are no pairs: compare the same starts")
+    return mean(one - other, groups=groups, level=level, seed=seed)

@@ -12,7 +12,7 @@ UNREACHABLE = 1e3  # m, that the ego would have to reach into a lane for somebod
 
 
 def idm(rng: np.random.Generator, traffic: Traffic) -> Traffic:
-    """All drivers alike: they follow (IDM), keep their lane and yield. Args: rng; traffic [V], as the mission drew it."""
+    """All alike: they follow (IDM), keep their lane and yield. Args: rng; traffic [V], as the mission drew it."""
     return traffic
 
 

@@ -34,6 +34,14 @@ def oncoming_overtake() -> Mission:
     return Mission("oncoming_overtake", 13, drawn_roads.undivided, casts.oncoming_overtake, way=130.0, pace=0.5)
 
 
+def roundabout() -> Mission:
+    """Enter a roundabout between those who drive in it, and leave it at the first, second or third leg.
+
+    Success: 115 m within 30 s. Failure: a violation, foremost a collision, or waiting for ever.
+    """
+    return Mission("roundabout", 17, drawn_roads.ring, casts.cross_traffic, way=115.0, pace=0.3)
+
+
 def double_parked() -> Mission:
     """Get past vehicles that stand in most of the ego's lane, with others coming the other way.
 
@@ -59,4 +67,4 @@ def pedestrian() -> Mission:
     return Mission("pedestrian", 16, drawn_roads.dual, casts.stepping_out, way=110.0, pace=0.3, size=WALKED)
 
 
-HARD = (congestion(), lane_drop(), oncoming_overtake(), double_parked(), tight_right(), pedestrian())
+HARD = (congestion(), lane_drop(), oncoming_overtake(), roundabout(), double_parked(), tight_right(), pedestrian())

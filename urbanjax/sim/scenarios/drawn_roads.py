@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from urbanjax.roadmap.builders import curve, intersection, straight, two_way
+from urbanjax.roadmap.builders import curve, intersection, roundabout, straight, two_way
 from urbanjax.roadmap.builders.curves import trace
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.sections import corridor
@@ -19,6 +19,7 @@ LEAD = 100.0  # m, before and after a bend
 SECTION = 100.0  # m, of a link
 LEG = 100.0  # m, of an intersection
 TIGHT = (2.5, 4.0)  # m, from the edge of the road to the ends of the legs, at a corner for tight turns
+RING = (14.0, 24.0)  # m, radius of a roundabout
 LEGS = 4
 STEPS = {"left": 3, "straight": 2, "right": 1}  # legs further on, counter-clockwise
 
@@ -96,3 +97,11 @@ def crossing(rng: np.random.Generator, *, turn: str, signals: bool, tight: bool 
     lane = {"left": 0, "straight": int(rng.integers(n)), "right": n - 1}[turn]
     goal = (LEGS + (leg + STEPS[turn]) % LEGS) * n + lane
     return DrawnRoad(graph, leg * n + lane, goal, how.speed_limit, how.lane_width)
+
+
+def ring(rng: np.random.Generator) -> DrawnRoad:
+    """A roundabout, from one leg to one of the other three. Args: rng."""
+    how = style(rng)
+    leg, onwards = int(rng.integers(LEGS)), int(rng.integers(1, LEGS))
+    graph = roundabout(float(rng.uniform(*RING)), leg=LEG, style=how)
+    return DrawnRoad(graph, leg, LEGS + (leg + onwards) % LEGS, how.speed_limit, how.lane_width)

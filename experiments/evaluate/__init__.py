@@ -1,0 +1,1 @@
+"""How good drivers are, on how many drives you like."""

@@ -1,0 +1,160 @@
+"""Drive, keep the rows as they come, and say what they amount to."""
+
+import resource
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from experiments.evaluate import figures, study, tables
+from experiments.evaluate.study import EvaluateStudy
+from experiments.evaluate.tables import KEY, Rows
+from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
+from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.verdict import Cause
+from urbanjax.io.figures.animation import write_gif
+from urbanjax.io.runs import progress, report
+from urbanjax.io.runs.directory import Run
+from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.log import Log
+
+EVERY = 2  # steps between the pictures of a GIF
+PEAK = 1024.0  # kB in a MB
+
+SUCCESS = (
+    "Success: the goal reached within the time limit without a collision at fault (nuPlan's rule), without leaving the "
+    "road, running a red signal, driving in an oncoming lane that is not for overtaking, or speeding by 1 m/s. Drives "
+    "that fail count; none is dropped. "
+    "Brackets: 95 % intervals, of shares Wilson's, of means and paired differences from drawing whole roads."
+)
+
+
+def write(params: EvaluateStudy, run: Run) -> None:
+    """Drive all, write rows, tables, figures and report."""
+    rows, seconds = _drive(params, run)
+    run.table("rows", tables.columns(rows))
+    expected = [
+        (driver, traffic, job.mission.name, job.seed)
+        for driver in dict.fromkeys(params.drivers)
+        for traffic in dict.fromkeys(params.traffic)
+        for job in study.jobs_of(params)
+    ]
+    run.summary(tables.summary(rows))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PEAK
+    run.summary({"run_s": seconds, "drives_per_s": len(rows) / seconds, "peak_memory_mb": peak})
+    found = {
+        "headline": tables.headline(rows),
+        "missions": tables.by_mission(rows),
+        "causes": tables.failures(rows),
+        "subscores": tables.subscores(rows),
+        "differences": tables.differences(rows),
+        "coverage": tables.coverage(rows, expected),
+    }
+    for name, columns in found.items():
+        if columns:
+            run.table(name, columns)
+    progress.show_table("evaluation", found["headline"])
+    if found["differences"]:
+        progress.show_table("paired differences", found["differences"])
+    figures.draw_success(rows, run.path("success.png"))
+    shown = [report.Picture("Success and nuPlan score by mission", run.path("success.png"))]
+    if len(params.traffic) > 1:
+        figures.draw_matrix(rows, run.path("matrix.png"))
+        shown.append(report.Picture("Drivers against kinds of traffic", run.path("matrix.png")))
+    sections = [
+        report.Section(
+            "What came out",
+            [],
+            [
+                report.Table(SUCCESS, found["headline"]),
+                *(
+                    [report.Table("Paired differences from the same starts", found["differences"])]
+                    if found["differences"]
+                    else []
+                ),
+                *shown,
+            ],
+        ),
+        report.Section("By mission", [], [report.Table(SUCCESS, found["missions"]), _gallery(params, run)]),
+        report.Section(
+            "Why drives failed", [], [report.Table("First violation, or what kept it from the goal", found["causes"])]
+        ),
+        report.Section("nuPlan's sub-scores", [], [report.Table("Raw means, before the gates", found["subscores"])]),
+        report.Section("Coverage", [], [report.Table(", ".join(KEY), found["coverage"])]),
+        *_worst(params, run, rows),
+    ]
+    report.write_report(run.path("report.html"), "Evaluation", sections=sections, manifest=run.manifest("complete"))
+
+
+def _drive(params: EvaluateStudy, run: Run) -> tuple[Rows, float]:
+    """All rows; each chunk is on disk before the next one begins."""
+    import pyarrow
+    import pyarrow.parquet
+
+    folder = run.path("rows")
+    folder.mkdir()
+    rows: Rows = []
+    began = time.perf_counter()
+    with progress.bar("evaluation") as tick:
+
+        def paced(label: str, share: float) -> None:
+            passed = time.perf_counter() - began
+            left = f", {passed / share - passed:.0f} s left" if share > 0 else ""
+            tick(f"{label}, {len(rows) / passed:.1f} drives/s{left}", share)
+
+        for name, part in study.drives(params, study.known(params.resume), paced):
+            part = [{**row, "cause": _label(row["cause"])} for row in part]
+            pyarrow.parquet.write_table(pyarrow.Table.from_pylist(part), folder / f"{name}.parquet.part")
+            (folder / f"{name}.parquet.part").rename(folder / f"{name}.parquet")
+            rows += part
+    return rows, time.perf_counter() - began
+
+
+def _label(cause: Any) -> str:
+    return cause if isinstance(cause, str) else Cause(cause).label
+
+
+def _gallery(params: EvaluateStudy, run: Run) -> report.Picture:
+    """One drive of each mission by the first driver."""
+    driver = params.drivers[0]
+    jobs = [Job(MISSIONS[name], params.seed) for name in dict.fromkeys(params.missions)]
+    drives = [
+        (
+            f"{one.job.mission.name}: {_label(int(one.row['cause']))}",
+            *log_and_road(params, driver, one),
+            not one.row["success"],
+        )
+        for one in outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
+    ]
+    figures.draw_gallery(drives, run.path("missions.png"), params.vehicle)
+    caption = f"One drive of each mission by {driver}, seed {params.seed}; red where it failed"
+    return report.Picture(caption, run.path("missions.png"))
+
+
+def log_and_road(params: EvaluateStudy, driver: str, outcome: Outcome) -> tuple[Log, RoadGraph]:
+    """The log until the drive ends, and the road."""
+    assert outcome.log is not None
+    last = int(np.searchsorted(outcome.log.time - outcome.log.time[0], float(outcome.row["duration_s"]) + 1e-3))
+    traffic = outcome.row["traffic"]
+    case = case_of(study.loop_of(params, driver), outcome.job, traffic=traffic)
+    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph
+
+
+def _worst(params: EvaluateStudy, run: Run, rows: Rows) -> list[report.Section]:
+    """Moving pictures of the first driver's worst drives."""
+    driver = params.drivers[0]
+    chosen = tables.worst(tables.chosen(rows, traffic=params.traffic[0]), driver, params.worst)
+    if not chosen:
+        return []
+    jobs = [Job(MISSIONS[row["mission"]], row["seed"]) for row in chosen]
+    items: list[report.Table | report.Picture] = []
+    drives = outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
+    for row, one in zip(chosen, drives, strict=True):
+        log, graph = log_and_road(params, driver, one)
+        name = f"worst_{row['mission']}_{row['seed']}.gif"
+        title = f"{row['mission']}, seed {row['seed']}: {row['cause']} at {row['cause_time_s']:.1f} s"
+        frames = figures.moving(log, graph, params.vehicle, every=EVERY, title=title)
+        write_gif(run.path(name), frames, rate=1.0 / (EVERY * float(params.period)))
+        items.append(report.Picture(title, run.path(name)))
+    return [report.Section(f"Worst drives of {driver}", [], items)]

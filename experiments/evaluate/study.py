@@ -1,0 +1,101 @@
+"""Which drivers drive which missions among what traffic, and the rows that come of it."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from urbanjax.drivers import DRIVERS, IdmDriver, PdmDriver
+from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
+from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
+from urbanjax.evaluation.traffic import MANNERS
+from urbanjax.rollout import LoopParams
+from urbanjax.types import ConfigError, Unread, pytree, static
+
+WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
+
+
+@pytree
+class EvaluateStudy(LoopParams):
+    """Missions x seeds x drivers x traffic."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "stack": Unread("the stack does not drive, see 'drivers'", lambda p: not {"stack", "blind"} & set(p.drivers)),
+        **{
+            name: Unread(f"'{name}' does not drive, see 'drivers'", lambda p, name=name: name not in p.drivers)
+            for name in WITH_KEYS
+        },
+    }
+
+    idm: IdmDriver = IdmDriver()
+    pdm: PdmDriver = PdmDriver()
+    missions: tuple[str, ...] = static(
+        default=tuple(mission.name for mission in QUALIFICATION), metadata={"choices": tuple(MISSIONS)}
+    )
+    drivers: tuple[str, ...] = static(default=("stack",), metadata={"choices": tuple(DRIVERS)})
+    traffic: tuple[str, ...] = static(default=("idm",), metadata={"choices": tuple(MANNERS)})
+    seeds: int = static(default=256, metadata={"range": (1, 10**6)})  # drives of each mission
+    seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
+    worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
+    resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off
+
+
+def loop_of(study: EvaluateStudy, driver: str) -> LoopParams:
+    """The closed loop of one driver."""
+    loop = study.loop()
+    if driver == "stack":
+        return loop
+    if driver == "blind":
+        return loop.replace(driver=DRIVERS[driver](stack=study.stack))
+    return loop.replace(driver=getattr(study, driver) if driver in WITH_KEYS else DRIVERS[driver]())
+
+
+def jobs_of(study: EvaluateStudy) -> list[Job]:
+    """The drives of one driver in one kind of traffic."""
+    seeds = range(study.seed, study.seed + study.seeds)
+    return [Job(MISSIONS[name], seed) for name in dict.fromkeys(study.missions) for seed in seeds]
+
+
+def drives(
+    study: EvaluateStudy, done: dict[str, list[dict[str, Any]]], tick: Callable[[str, float], None]
+) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """The rows of all drives by chunk, whose name says which. Args: done, chunks that are known by name."""
+    jobs = jobs_of(study)
+    pairs = [(driver, traffic) for driver in dict.fromkeys(study.drivers) for traffic in dict.fromkeys(study.traffic)]
+    total, count = len(pairs) * len(jobs), 0
+    for driver, traffic in pairs:
+        starts = range(0, len(jobs), CHUNK)
+        names = {k: f"{driver}-{traffic}-{k // CHUNK:05d}" for k in starts}
+        missing = [k for k in starts if names[k] not in done]
+        flat = [job for k in missing for job in jobs[k : k + CHUNK]]
+        found = outcomes(loop_of(study, driver), flat, traffic=traffic)
+        tick(f"{driver} in {traffic} traffic", count / total)
+        for k in starts:
+            part = jobs[k : k + CHUNK]
+            rows = done.get(names[k]) or [row_of(driver, next(found)) for _ in part]
+            count += len(part)
+            tick(f"{driver} in {traffic} traffic: {part[-1].mission.name}", count / total)
+            yield names[k], rows
+
+
+def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
+    """The row of one drive."""
+    return {"driver": driver, **{name: plain(value) for name, value in outcome.row.items()}}
+
+
+def plain(value: Any) -> Any:
+    """A NumPy scalar as Python's own."""
+    return value.item() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def known(resume: str) -> dict[str, list[dict[str, Any]]]:
+    """The chunks of a run that was cut off, by name."""
+    import pyarrow.parquet
+
+    if not resume:
+        return {}
+    folder = Path(resume) / "rows"
+    if not folder.is_dir():
+        raise ConfigError(f"resume={resume}: there is no folder {folder}; name the directory of an evaluation")
+    return {path.stem: pyarrow.parquet.read_table(path).to_pylist() for path in sorted(folder.glob("*.parquet"))}
