@@ -1,0 +1,25 @@
+import jax
+import numpy as np
+import pytest
+from scipy.signal import savgol_filter
+
+from urbanjax.numerics.savgol import savgol
+
+FILTERS = [(8, 2, 0), (15, 2, 1), (5, 2, 1), (5, 3, 2), (6, 3, 1), (1, 0, 0)]
+
+
+@pytest.mark.parametrize(("window", "order", "derivative"), FILTERS)
+def test_as_scipy_has_it_for_every_length(x64, window, order, derivative):
+    values = np.random.default_rng(0).normal(size=40)
+    ours = jax.jit(lambda x, n: savgol(x, n, window=window, order=order, derivative=derivative, spacing=0.1))
+    for n in range(window, 41):
+        wanted = savgol_filter(values[:n], window, order, deriv=derivative, delta=0.1)
+        np.testing.assert_allclose(ours(values, n)[:n], wanted, atol=1e-9)
+
+
+def test_fewer_values_than_the_window_are_filled_up():
+    values = np.random.default_rng(0).normal(size=40).astype(np.float32)
+    ours = jax.jit(lambda x, n: savgol(x, n, window=8, order=2))
+    np.testing.assert_allclose(ours(values, 5)[:5], savgol_filter(values[:8], 8, 2)[:5], atol=1e-5)
+    np.testing.assert_allclose(ours(values[:4], 4), savgol_filter(values[:4], 4, 2), atol=1e-5)
+    np.testing.assert_allclose(ours(values[:2], 2), values[:2], atol=1e-5)
