@@ -1,6 +1,7 @@
 """The published scores once more: float64, NumPy, one drive, step by step, from the definitions alone."""
 
 import numpy as np
+from scipy.integrate import simpson
 from scipy.signal import savgol_filter
 
 
@@ -187,3 +188,71 @@ def nuplan(facts, vehicle):
     series = comfort | {"advance": advance, "ttc": np.minimum(times, 3.0), "overspeed": over}
     series["at_fault"] = np.array([float(any(step == t for step, _ in faults)) for t in range(n)])
     return found, series
+
+
+COEFFICIENTS = {"pedestrians": 0.5, "vehicles": 0.6, "statics": 0.65, "red_lights": 0.7}
+
+
+def carla(facts):
+    n, counts = int(facts.alive.sum()), dict.fromkeys(COEFFICIENTS, 0)
+    others = facts.others
+    for v in range(others.valid.shape[1]):
+        hits = [t for t in range(n) if touch(facts, t, v)]
+        if not hits or facts.ego.speed[hits[0]] < 0.1:
+            continue
+        speeds = [others.speed[t, v] for t in range(n) if others.valid[t, v]]
+        kind = others.kind[hits[0], v]
+        name = "pedestrians" if kind == 1 else "statics" if kind == 0 and max(speeds) < 0.1 else "vehicles"
+        counts[name] += 1
+    counts["red_lights"] = int(facts.ran_red[:n].sum())
+    total = wrong = 0.0
+    for t in range(1, n):
+        step = abs(facts.station[t] - facts.station[t - 1])
+        off = facts.road_margin[t] + facts.ego.width[t] / 2 < -0.5 or facts.along[t] < -0.1
+        total, wrong = total + step, wrong + step * off
+    made = (facts.station[:n].max() - facts.station[0]) / (facts.goal - facts.station[0])
+    found = {"completion": 1.0 if facts.reached else min(max(made, 0.0), 1.0), "outside": wrong / max(total, 1e-3)}
+    found["penalty"] = np.prod([COEFFICIENTS[name] ** count for name, count in counts.items()])
+    found["total"] = 100 * found["completion"] * (1 - found["outside"]) * found["penalty"]
+    return found | counts
+
+
+def commonroad(facts):
+    n = int(facts.alive.sum())
+    period = np.mean(np.diff(facts.time[:n]))
+    speed = facts.ego.speed[:n]
+    distances = []
+    for t in range(n):
+        road = facts.ego.heading[t] - facts.heading_error[t]
+        along, left = np.array([np.cos(road), np.sin(road)]), np.array([-np.sin(road), np.cos(road)])
+        away = [facts.others.position[t, v] - facts.ego.position[t] for v in np.flatnonzero(facts.others.valid[t])]
+        ahead = [d @ along - facts.ego.width[t] / 2.5 for d in away if abs(d @ left) < 2.8 and d @ along > 0]
+        distances.append(min([np.inf, *ahead]))
+    acceleration = np.diff(speed) / period
+    found = {
+        "time": facts.time[n - 1] - facts.time[0],
+        "velocity_offset": 0.0,
+        "acceleration": simpson(acceleration**2, dx=period),
+        "jerk": simpson((np.diff(acceleration) / period) ** 2, dx=period),
+        "obstacles": simpson(np.exp(-0.2 * np.array(distances)), dx=period),
+        "length": simpson(speed, dx=period),
+    }
+    return found | {"total": float(np.dot([10, 1, 0.1, 0.1, 0.1, 10], list(found.values())))}
+
+
+def competition(facts, vehicle):
+    n = int(facts.alive.sum())
+
+    def times(wrong):
+        return sum(bool(wrong[t]) and (t == 0 or not wrong[t - 1]) for t in range(n))
+
+    violations = [
+        sum(fault for _, _, fault in at_fault_events(facts, vehicle)),
+        times(facts.road_margin < 0),
+        int(facts.ran_red[:n].sum()),
+        times(facts.ego.speed > facts.speed_limit + 1),
+        times(facts.along < -0.1),
+    ]
+    time = facts.time[n - 1] if facts.reached else facts.limit
+    total = time + np.dot([60, 20, 30, 5, 10], violations)
+    return {"total": total, "violations": violations, "time": time, "success": facts.reached and not any(violations)}

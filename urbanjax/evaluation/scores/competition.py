@@ -1,0 +1,102 @@
+"""The qualification's own score: the goal within the time, without a violation; what violations cost otherwise.
+
+| violation | counted |
+|---|---|
+| AT_FAULT | collisions at fault by nuPlan's rule (see `fault`), once with each other road user |
+| OFF_ROAD | times that the box left the road by more than a tolerance |
+| RED_LIGHT | stop lines crossed at red |
+| SPEEDING | times that the speed went over the limit by more than a tolerance |
+| ONCOMING | times that the ego came to drive against the direction of the lane its centre is in, backwards included |
+
+Total = time to the goal (the limit, where it was not reached) + penalty * count over all violations; less is better.
+"""
+
+import enum
+
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Bool, Int
+
+from urbanjax.evaluation.facts import Facts
+from urbanjax.evaluation.fault import BlameParams, at_fault
+from urbanjax.types import field, pytree
+from urbanjax.vehicle.params import VehicleParams
+
+
+class Violation(enum.IntEnum):
+    """What is counted."""
+
+    AT_FAULT = 0
+    OFF_ROAD = 1
+    RED_LIGHT = 2
+    SPEEDING = 3
+    ONCOMING = 4
+
+
+@pytree
+class CompetitionParams:
+    """Tolerances and penalties."""
+
+    outside: float = 0.0  # m, that the box may reach over the edge of the road
+    overspeed: float = 1.0  # m/s, over the limit
+    oncoming: float = 0.1  # m/s, against the direction of the lane
+    blame: BlameParams = field(default_factory=BlameParams)
+    at_fault_penalty: float = 60.0  # s, and so are the others
+    off_road_penalty: float = 20.0
+    red_light_penalty: float = 30.0
+    speeding_penalty: float = 5.0
+    oncoming_penalty: float = 10.0
+
+    @property
+    def penalties(self) -> tuple[float | Array, ...]:
+        """In seconds, in the order of `Violation`."""
+        return (
+            self.at_fault_penalty,
+            self.off_road_penalty,
+            self.red_light_penalty,
+            self.speeding_penalty,
+            self.oncoming_penalty,
+        )
+
+
+@pytree
+class CompetitionScore:
+    """What the drive is worth in the qualification."""
+
+    total: Array  # [] s, time and penalties
+    success: Array  # [] bool, the goal within the limit without a violation
+    reached: Array  # [] bool, the goal within the limit
+    time: Array  # [] s, to the goal; the limit where it was not reached
+    violations: Array  # [K] int32, counts by Violation
+
+
+def score(facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | None = None) -> CompetitionScore:
+    """The score of one drive; see the table above. Hard only.
+
+    Args: facts, of one drive; vehicle, the ego's dimensions; params, tolerances and penalties.
+    """
+    params = CompetitionParams() if params is None else params
+    faults = at_fault(facts, vehicle, params=params.blame)
+    counts = {
+        Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32),
+        Violation.OFF_ROAD: _times(facts, facts.road_margin < -params.outside),
+        Violation.RED_LIGHT: jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32),
+        Violation.SPEEDING: _times(facts, facts.ego.speed > facts.speed_limit + params.overspeed),
+        Violation.ONCOMING: _times(facts, facts.along < -params.oncoming),
+    }
+    violations = jnp.stack([counts[one] for one in Violation])
+    time = jnp.where(facts.reached, facts.duration, facts.limit)
+    return CompetitionScore(
+        total=time + jnp.sum(jnp.asarray(params.penalties, time.dtype) * violations),
+        success=facts.reached & ~jnp.any(violations > 0),
+        reached=facts.reached,
+        time=time,
+        violations=violations,
+    )
+
+
+def _times(facts: Facts, wrong: Bool[Array, " t"]) -> Int[Array, ""]:
+    """How often something became true while the drive lasted."""
+    wrong = wrong & facts.alive
+    before = jnp.concatenate([jnp.zeros_like(wrong[:1]), wrong[:-1]])
+    return jnp.sum(wrong & ~before, dtype=jnp.int32)
