@@ -152,7 +152,8 @@ def _ran_red(log: Log, case: Case, front: Float[Array, " t"]) -> Bool[Array, " t
     if case.lanes.graph.n_signals == 0:
         return jnp.zeros(front.shape, bool)
     shown = jax.vmap(lambda time: signals.show(case.start.signals, time).shown(road.stop_signal))(log.time)
-    crossed = (front[:-1, None] <= road.stop_station) & (front[1:, None] > road.stop_station) & road.has_stop
+    line = road.stop_station[None]
+    crossed = (front[:-1, None] <= line) & (front[1:, None] > line) & road.has_stop[None]
     ran = jnp.any(crossed & (shown[:-1] == SignalState.RED), axis=1)
     return jnp.concatenate([jnp.zeros((1,), bool), ran])
 

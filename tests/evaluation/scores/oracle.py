@@ -251,7 +251,7 @@ def competition(facts, vehicle):
         times(facts.road_margin < 0),
         int(facts.ran_red[:n].sum()),
         times(facts.ego.speed > facts.speed_limit + 1),
-        times(facts.along < -0.1),
+        times(facts.wrong_way),
     ]
     time = facts.time[n - 1] if facts.reached else facts.limit
     total = time + np.dot([60, 20, 30, 5, 10], violations)

@@ -95,7 +95,7 @@ VIOLATIONS = {
     "two red lights": (CLEAN.replace(ran_red=RED), {Violation.RED_LIGHT: 2}),
     "too fast": (CLEAN.replace(speed_limit=edited(CLEAN.speed_limit, slice(30, 50), 8.9)), {Violation.SPEEDING: 1}),
     "hardly too fast": (CLEAN.replace(speed_limit=edited(CLEAN.speed_limit, slice(30, 50), 9.1)), {}),
-    "oncoming": (CLEAN.replace(along=edited(CLEAN.along, slice(1, 34), -5.0)), {Violation.ONCOMING: 1}),
+    "oncoming": (CLEAN.replace(wrong_way=edited(CLEAN.wrong_way, slice(1, 34), True)), {Violation.ONCOMING: 1}),
 }
 PENALTIES = {
     Violation.AT_FAULT: 60,

@@ -6,7 +6,7 @@
 | OFF_ROAD | times that the box left the road by more than a tolerance |
 | RED_LIGHT | stop lines crossed at red |
 | SPEEDING | times that the speed went over the limit by more than a tolerance |
-| ONCOMING | times that the ego came to drive against the direction of the lane its centre is in, backwards included |
+| ONCOMING | times that its centre came to lie in an oncoming lane which may not be used to overtake |
 
 Total = time to the goal (the limit, where it was not reached) + penalty * count over all violations; less is better.
 """
@@ -39,7 +39,6 @@ class CompetitionParams:
 
     outside: float = 0.0  # m, that the box may reach over the edge of the road
     overspeed: float = 1.0  # m/s, over the limit
-    oncoming: float = 0.1  # m/s, against the direction of the lane
     blame: BlameParams = field(default_factory=BlameParams)
     at_fault_penalty: float = 60.0  # s, and so are the others
     off_road_penalty: float = 20.0
@@ -77,13 +76,9 @@ def score(facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | N
     """
     params = CompetitionParams() if params is None else params
     faults = at_fault(facts, vehicle, params=params.blame)
-    counts = {
-        Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32),
-        Violation.OFF_ROAD: _times(facts, facts.road_margin < -params.outside),
-        Violation.RED_LIGHT: jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32),
-        Violation.SPEEDING: _times(facts, facts.ego.speed > facts.speed_limit + params.overspeed),
-        Violation.ONCOMING: _times(facts, facts.along < -params.oncoming),
-    }
+    counts = {Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32)}
+    counts |= {one: _times(facts, wrong) for one, wrong in wrongs(facts, params=params).items()}
+    counts[Violation.RED_LIGHT] = jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32)
     violations = jnp.stack([counts[one] for one in Violation])
     time = jnp.where(facts.reached, facts.duration, facts.limit)
     return CompetitionScore(
@@ -93,6 +88,20 @@ def score(facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | N
         time=time,
         violations=violations,
     )
+
+
+def wrongs(facts: Facts, *, params: CompetitionParams | None = None) -> dict[Violation, Bool[Array, " t"]]:
+    """The steps [T] in which each violation but collisions goes on.
+
+    Args: facts, of one drive; params, tolerances.
+    """
+    params = CompetitionParams() if params is None else params
+    return {
+        Violation.OFF_ROAD: facts.road_margin < -params.outside,
+        Violation.RED_LIGHT: facts.ran_red,
+        Violation.SPEEDING: facts.ego.speed > facts.speed_limit + params.overspeed,
+        Violation.ONCOMING: facts.wrong_way,
+    }
 
 
 def _times(facts: Facts, wrong: Bool[Array, " t"]) -> Int[Array, ""]:

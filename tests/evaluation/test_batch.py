@@ -1,0 +1,96 @@
+"""Drives in chunks: what comes out does not depend on what else is in them."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.drivers import IdmDriver
+from urbanjax.evaluation import batch
+from urbanjax.evaluation.batch import Job, case_of, outcomes
+from urbanjax.evaluation.facts import facts
+from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.verdict import Cause
+from urbanjax.rollout import LoopParams, rollout
+from urbanjax.types import as_arrays
+
+LOOP = LoopParams(driver=IdmDriver())
+JOBS = [Job(MISSIONS[name], seed) for name, seed in (("cut_in", 0), ("cut_in", 1), ("signal_left", 2), ("cut_in", 3))]
+CHUNK = 4
+
+
+@pytest.fixture(scope="module")
+def found():
+    return list(outcomes(LOOP, JOBS, chunk=CHUNK, logs=True))
+
+
+def equal(one, other):
+    assert one.job == other.job
+    assert one.row.keys() == other.row.keys()
+    for name, value in one.row.items():
+        np.testing.assert_array_equal(value, other.row[name], err_msg=name)
+
+
+def test_a_drive_is_the_same_in_any_company(found):
+    turned = list(outcomes(LOOP, JOBS[::-1], chunk=CHUNK))[::-1]
+    fewer = list(outcomes(LOOP, JOBS[1:], chunk=CHUNK))
+    for k, one in enumerate(found):
+        equal(one, turned[k])
+        if k:
+            equal(one, fewer[k - 1])
+
+
+def test_devices_share_the_chunks(found, monkeypatch):
+    monkeypatch.setattr(jax, "local_devices", lambda: jax.devices("cpu") * 2)
+    for one, other in zip(found, outcomes(LOOP, JOBS * 2, chunk=CHUNK), strict=False):
+        equal(one, other)
+
+
+@pytest.mark.slow
+def test_it_is_the_closed_loop_until_the_drive_ends(found):
+    one = found[0]
+    case = jax.tree.map(jnp.asarray, case_of(LOOP, one.job, traffic="idm"))
+    steps = 60
+    log, _ = jax.jit(lambda loop, case: rollout(loop, case.course, case.lanes, case.start, steps))(
+        as_arrays(LOOP), case
+    )
+    np.testing.assert_allclose(one.log.centre[:steps], log.centre, atol=1e-3)
+    np.testing.assert_allclose(one.log.time[:steps], log.time, atol=1e-4)
+    assert one.log.time.shape == (300,)
+    assert np.all(np.diff(one.log.time) > 0.09)
+    whole = facts(jax.tree.map(jnp.asarray, one.log), case, vehicle=LOOP.vehicle)
+    assert bool(whole.reached) == bool(one.row["competition_reached"])
+    assert float(whole.duration) == pytest.approx(float(one.row["duration_s"]), abs=1e-4)
+
+
+def test_the_row_says_whether_and_why(found):
+    for one in found:
+        row = one.row
+        violated = sum(
+            int(row[f"competition_{name}"]) for name in ("at_fault", "off_road", "red_light", "speeding", "oncoming")
+        )
+        assert bool(row["success"]) == (bool(row["competition_reached"]) and violated == 0)
+        assert (row["cause"] == Cause.NONE) == bool(row["success"])
+        assert np.isnan(row["cause_time_s"]) == bool(row["success"])
+        gates = np.prod(
+            [
+                row[f"nuplan_{name}"]
+                for name in ("no_collision_at_fault", "drivable_area", "driving_direction", "making_progress")
+            ]
+        )
+        parts = np.array([row[f"nuplan_{name}"] for name in ("ttc_within_bound", "progress", "speed_limit", "comfort")])
+        assert row["nuplan_total"] == pytest.approx(gates * parts @ np.array([5, 5, 4, 2]) / 16, abs=1e-5)
+
+
+def test_the_end_of_a_log_is_held():
+    log = batch._padded([jax.tree.map(lambda x: x[None, :50], found_log())], 70, 0.1)
+    assert log.time.shape == (1, 70)
+    np.testing.assert_allclose(np.diff(log.time[0]), 0.1, atol=1e-5)
+    np.testing.assert_array_equal(log.centre[0, 50:], np.broadcast_to(log.centre[0, 49], (20, 2)))
+
+
+def found_log():
+    one = next(iter(outcomes(LOOP, JOBS[:1], chunk=CHUNK, logs=True))).log
+    return dataclasses.replace(one)

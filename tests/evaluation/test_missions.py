@@ -1,0 +1,182 @@
+"""Missions are what their docstrings say: drawn from seeds, on roads of one shape, nobody in the way at once."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from urbanjax.evaluation.metrics import overlaps
+from urbanjax.evaluation.missions import HARD, MISSIONS, QUALIFICATION
+from urbanjax.evaluation.missions.mission import LONGEST
+from urbanjax.evaluation.traffic import MANNERS, mannered, mannered_sim
+from urbanjax.roadmap.graph import RoadType, Rule, Turn
+from urbanjax.sim import agents
+from urbanjax.sim.agents import TrafficParams
+from urbanjax.sim.world import SimParams
+from urbanjax.types import Objects, RoadUser
+from urbanjax.vehicle.model import box_centre
+from urbanjax.vehicle.params import VehicleParams
+
+VEHICLE, OTHERS = VehicleParams(), TrafficParams()
+SEEDS = range(6)
+
+
+def case(name, seed):
+    return MISSIONS[name].case(seed, others=OTHERS, vehicle=VEHICLE)
+
+
+def boxes(found):
+    """Everybody at the start, the ego first."""
+    start = jax.tree.map(jnp.asarray, found.start)
+    ego, them = start.ego, agents.objects(jax.tree.map(jnp.asarray, found.lanes), start.traffic, params=OTHERS)
+    own = Objects(
+        box_centre(ego, VEHICLE)[None],
+        ego.heading[None],
+        ego.speed[None],
+        jnp.full(1, VEHICLE.length),
+        jnp.full(1, VEHICLE.width),
+        jnp.ones(1, bool),
+    )
+    return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), own, them)
+
+
+def ahead(found):
+    """Of the valid vehicles: gap before the ego's bumper [m], sideways [m], speed [m/s]."""
+    every = jax.tree.map(np.asarray, boxes(found))
+    there = every.valid[1:]
+    step = (every.position[1:] - every.position[0])[there]
+    cos, sin = np.cos(every.heading[0]), np.sin(every.heading[0])
+    along, across = step @ np.array([cos, sin]), step @ np.array([-sin, cos])
+    return along - VEHICLE.length / 2 - every.length[1:][there] / 2, across, every.speed[1:][there]
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_a_seed_is_a_drive(name):
+    found = [case(name, seed) for seed in SEEDS]
+    again = case(name, 0)
+    for one, other in zip(jax.tree.leaves(found[0]), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert len({float(one.start.ego.speed) for one in found}) == len(found)
+    assert len({float(one.corridor.speed_limit[0]) for one in found}) > 1
+    for one in found:
+        assert float(one.goal) < float(one.corridor.length)
+        assert 0 < float(one.limit) <= LONGEST
+        ego = one.start.ego
+        assert 0 < float(ego.speed) <= float(one.corridor.speed_limit[40])
+        assert not np.asarray(overlaps(boxes(one))).any()
+
+
+def test_missions_share_a_program():
+    def shape(found):
+        return jax.tree.structure(found), [(np.shape(x), np.asarray(x).dtype) for x in jax.tree.leaves(found)]
+
+    same = [shape(case(name, 3)) for name in MISSIONS if name != "pedestrian"]
+    assert all(one == same[0] for one in same)
+    assert len(QUALIFICATION) == 8
+    assert len({mission.number for mission in (*QUALIFICATION, *HARD)}) == len(MISSIONS)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_overtake(seed):
+    gap, across, speed = ahead(case("overtake", seed))
+    leader = np.argmin(np.where((np.abs(across) < 1) & (gap > 0), gap, np.inf))
+    assert 14 < gap[leader] < 41
+    assert speed[leader] <= 4
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_cut_in(seed):
+    found = case("cut_in", seed)
+    traffic = found.start.traffic
+    k = int(np.argmax(traffic.valid & (traffic.moved < 1)))
+    assert traffic.moved[k] == 0
+    assert traffic.offset_to[k] == 0
+    assert abs(abs(traffic.offset[k]) - found.corridor.lane_width[60, 2]) < 0.3
+    assert traffic.link[k] in found.corridor.lane_link[:, 2]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_narrow_passage(seed):
+    gap, across, speed = ahead(case("narrow_passage", seed))
+    assert np.all(speed == 0)
+    first = np.argsort(gap)[:2]
+    room = np.abs(np.diff(across[first]))[0] - OTHERS.vehicle_width
+    assert VEHICLE.width + 0.65 < room < VEHICLE.width + 1.55
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_accident_vehicle(seed):
+    found = case("accident_vehicle", seed)
+    gap, _, speed = ahead(found)
+    standing = speed == 0
+    assert 1 <= standing.sum() <= 2
+    assert gap[standing].min() > 40
+
+
+@pytest.mark.parametrize(
+    ("name", "turn"), [("signal_straight", Turn.STRAIGHT), ("signal_left", Turn.LEFT), ("signal_right", Turn.RIGHT)]
+)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_signals(name, turn, seed):
+    found = case(name, seed)
+    inside = np.isin(found.corridor.turn, [turn])
+    row = slice(0, round(float(found.goal)))
+    assert found.corridor.has_stop.any()
+    assert (turn == Turn.STRAIGHT and (found.corridor.turn[row] == turn).all()) or inside[row].any()
+    begin = found.start.signals.offset
+    assert abs(begin[1] - begin[0]) == pytest.approx(float(found.start.signals.cycle[0]) / 2, rel=1e-4)
+    assert found.start.traffic.valid.sum() <= 12
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_unsignalised(seed):
+    found = case("unsignalised", seed)
+    graph = found.lanes.graph
+    assert not found.corridor.has_stop.any()
+    assert graph.rule[found.start.ego_link] == Rule.YIELD
+
+
+def test_hard_missions():
+    for seed in SEEDS:
+        crowd = case("congestion", seed).start.traffic
+        limit = case("congestion", seed).lanes.graph.speed_limit[crowd.link]
+        assert crowd.valid.sum() >= 7
+        assert np.all((crowd.desired_speed * limit)[crowd.valid] <= 5.01)
+        drop = case("lane_drop", seed)
+        assert drop.lanes.ends[drop.start.ego_link]
+        assert drop.start.traffic.valid.sum() >= 1
+        oncoming = case("oncoming_overtake", seed)
+        facing = np.asarray(boxes(oncoming).heading)[1:][oncoming.start.traffic.valid]
+        assert 1 <= (np.cos(facing) < 0).sum() <= 3
+        assert (np.cos(facing) > 0).sum() == 1
+        parked = ahead(case("double_parked", seed))
+        assert (parked[2] == 0).sum() >= 1
+        tight = case("tight_right", seed)
+        assert not tight.start.traffic.valid.any()
+        assert 0.08 < -float(tight.corridor.curvature[: round(float(tight.goal))].min()) < 0.4
+        ring = case("roundabout", seed)
+        graph = ring.lanes.graph
+        driven = np.unique(ring.corridor.lane_link[: int(ring.corridor.length), 2])
+        assert (graph.road_type[driven] == RoadType.JUNCTION).sum() in (3, 5, 7)
+        walk = case("pedestrian", seed).start.replay
+        assert walk.kind[0] == RoadUser.PEDESTRIAN
+        way = np.asarray(walk.position[:, 0])
+        assert np.linalg.norm(way[-1] - way[0]) > 9
+        assert 1.1 < float(walk.speed.max()) < 2.1
+
+
+def test_manners():
+    world = case("overtake", 1).start
+    plain = world.traffic
+    for name in MANNERS:
+        one, again = (mannered(world, name, seed=5).traffic for _ in range(2))
+        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(again), strict=True):
+            np.testing.assert_array_equal(a, b)
+            assert a.dtype == b.dtype
+    mixed, pushy = (mannered(world, name, seed=5).traffic for name in ("mixed", "assertive"))
+    assert len(np.unique(mixed.headway)) > 1
+    assert np.all(pushy.headway < plain.headway)
+    assert np.all(pushy.desired_speed > plain.desired_speed)
+    assert not np.any(mixed.changes & ~plain.reacts)
+    assert mannered_sim(SimParams(), "non_yielding").reaction.margin > 100
+    assert mannered_sim(SimParams(), "idm") == SimParams()
