@@ -38,6 +38,7 @@ def graphs(district, crossing, road):
         "curve": builders.curve(radius=40.0, style=RoadStyle(section=60.0, n_points=16)),
         "merge": builders.merge(before=80.0, parallel=60.0, after=80.0, ramp=60.0, style=RoadStyle(n_points=16)),
         "crossing": crossing,
+        "roundabout": builders.roundabout(leg=60.0, style=RoadStyle(n_points=16)),
         "district": district,
     }
 

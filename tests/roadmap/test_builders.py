@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from urbanjax.roadmap import builders
-from urbanjax.roadmap.builders import LaneSpec, assemble
+from urbanjax.roadmap.builders import LaneSpec, assemble, roundabout
 from urbanjax.roadmap.builders.curves import connect, trace, turn
 from urbanjax.roadmap.builders.specs import RoadStyle
+from urbanjax.roadmap.graph import RoadType, Rule
 from urbanjax.roadmap.padding import GraphSize, pad
+from urbanjax.roadmap.route import route_between
 from urbanjax.types import RoadError
 
-KINDS = ("straight", "two_way", "coinciding", "curve", "merge", "crossing", "district")
+KINDS = ("straight", "two_way", "coinciding", "curve", "merge", "crossing", "roundabout", "district")
 
 
 @pytest.fixture(params=KINDS)
@@ -159,6 +161,24 @@ def test_crossing_conflicts_where_paths_cross_or_merge(crossing):
 
 def shares(graph, i, j):
     return int(graph.successor[i, 0]) == int(graph.successor[j, 0])
+
+
+def test_a_roundabout_is_a_ring_that_has_priority():
+    graph, radius = roundabout(18.0), 18.0
+    names = np.array(graph.area_names)[np.asarray(graph.area)]
+    ring = np.flatnonzero(names == "ring")
+    np.testing.assert_allclose(np.linalg.norm(np.asarray(graph.centre)[ring], axis=-1), radius, atol=1e-3)
+    np.testing.assert_allclose(np.asarray(graph.curvature)[ring], 1 / radius, rtol=1e-2)
+    assert float(np.sum(np.asarray(graph.length)[ring])) == pytest.approx(2 * np.pi * radius, rel=1e-3)
+    assert (np.asarray(graph.road_type)[ring] == RoadType.JUNCTION).all()
+    for k in range(4):
+        assert graph.rule[k] == Rule.YIELD
+        for onwards in range(4):  # from every leg to every leg, back to its own too, once round the ring
+            route = route_between(graph, k, goal=4 + (k + onwards) % 4)
+            links = np.asarray(route.link)[np.asarray(route.valid)]
+            assert np.isin(links, ring).sum() == 2 * ((onwards - 1) % 4) + 1
+    with pytest.raises(RoadError, match="radius"):
+        roundabout(5.0)
 
 
 def test_district_closes_and_has_the_named_areas(district, course_links):
