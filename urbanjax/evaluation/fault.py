@@ -32,7 +32,7 @@ TOUCH_SCALE = 1.0  # m, natural scale of gaps
 
 
 @pytree
-class BlameParams:
+class FaultRule:
     """Thresholds of the rule, as nuPlan has them."""
 
     still: float = 0.05  # m/s, at or below which somebody stands
@@ -49,13 +49,13 @@ class Faults:
 
 
 def at_fault(
-    facts: Facts, vehicle: VehicleParams, *, params: BlameParams | None = None, relaxation: Relaxation = HARD
+    facts: Facts, vehicle: VehicleParams, *, params: FaultRule | None = None, relaxation: Relaxation = HARD
 ) -> Faults:
     """First touches and whose fault they are, as degrees; 0 or 1 in mode hard.
 
     Args: facts, of one drive; vehicle, the ego's dimensions; params, thresholds; relaxation, hard or how soft.
     """
-    params = BlameParams() if params is None else params
+    params = FaultRule() if params is None else params
     ego, others = facts.ego, facts.others
     own, theirs = boxes(facts)
     there = others.valid & facts.alive[:, None]

@@ -72,7 +72,7 @@ def judge(facts: Facts, vehicle: VehicleParams) -> dict[str, Array]:
 def _first_violation(facts: Facts, vehicle: VehicleParams) -> tuple[Array, Array]:
     """Time [] s and Cause [] of the first violation; infinite without one."""
     blamed = fault.at_fault(facts, vehicle).at_fault > 0
-    stands = jnp.abs(facts.others.speed) <= fault.BlameParams().still
+    stands = jnp.abs(facts.others.speed) <= fault.FaultRule().still
     wrong = competition.wrongs(facts)
     by_step = {
         Cause.HIT_STANDING: jnp.any(blamed & stands, axis=1),

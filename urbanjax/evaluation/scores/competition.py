@@ -18,7 +18,7 @@ from jax import Array
 from jaxtyping import Bool, Int
 
 from urbanjax.evaluation.facts import Facts
-from urbanjax.evaluation.fault import BlameParams, at_fault
+from urbanjax.evaluation.fault import FaultRule, at_fault
 from urbanjax.types import field, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -39,7 +39,7 @@ class CompetitionParams:
 
     outside: float = 0.0  # m, that the box may reach over the edge of the road
     overspeed: float = 1.0  # m/s, over the limit
-    blame: BlameParams = field(default_factory=BlameParams)
+    blame: FaultRule = field(default_factory=FaultRule)
     at_fault_penalty: float = 60.0  # s, and so are the others
     off_road_penalty: float = 20.0
     red_light_penalty: float = 30.0

@@ -37,7 +37,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.evaluation.facts import Facts
-from urbanjax.evaluation.fault import BlameParams, Faults, at_fault, bearing, boxes, further_than, touch
+from urbanjax.evaluation.fault import FaultRule, Faults, at_fault, bearing, boxes, further_than, touch
 from urbanjax.evaluation.metrics import HARD
 from urbanjax.geometry.boxes import Box
 from urbanjax.numerics import safe, soft
@@ -193,7 +193,7 @@ def series(
 
 
 def _faults(facts: Facts, vehicle: VehicleParams, params: NuplanParams, relaxation: Relaxation) -> Faults:
-    return at_fault(facts, vehicle, params=BlameParams(params.still, params.behind), relaxation=relaxation)
+    return at_fault(facts, vehicle, params=FaultRule(params.still, params.behind), relaxation=relaxation)
 
 
 def _series(
