@@ -117,7 +117,8 @@ def rollout(
         kind(given, name, wanted=wanted, error=ScenarioError)
     check_start(lanes.graph, course.corridor, world=start)
     whole(n_steps, "n_steps", error=ScenarioError, least=1)
-    _, kept = go_on(params, course, lanes, begin(params, course, start), n_steps, keep, sensing)
+    now = begin(params, course, start=start)
+    _, kept = go_on(params, course, lanes=lanes, now=now, n_steps=n_steps, keep=keep, sensing=sensing)
     return kept
 
 
@@ -129,7 +130,7 @@ class Underway:
     world: WorldState
 
 
-def begin(params: LoopParams, course: Course, start: WorldState) -> Underway:
+def begin(params: LoopParams, course: Course, *, start: WorldState) -> Underway:
     """The loop before its first step; see `rollout`. Args: course, what the drive is about; start, the world."""
     return Underway(params.handed_down()[0].init(course, start.ego.pose), start)
 
@@ -137,6 +138,7 @@ def begin(params: LoopParams, course: Course, start: WorldState) -> Underway:
 def go_on(
     params: LoopParams,
     course: Course,
+    *,
     lanes: LaneTables,
     now: Underway,
     n_steps: int,

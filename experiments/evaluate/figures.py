@@ -62,14 +62,14 @@ def draw_matrix(rows: Rows, path: Path) -> None:
 
 def draw_gallery(drives: Sequence[tuple[str, Log, RoadGraph, bool]], path: Path, vehicle: VehicleParams) -> None:
     """One drive of each mission from above. Args: drives: title, log until the end, road, whether it failed."""
-    rows = math.ceil(len(drives) / 2)
-    with figure(path, 11.0, height=2.5 * rows) as canvas:
-        for axes, (title, log, graph, failed) in zip(
-            np.ravel(canvas.subplots(rows, 2, squeeze=False)), drives, strict=False
-        ):
+    across = min(len(drives), 2)
+    rows = math.ceil(len(drives) / across)
+    with figure(path, 5.5 * across, height=2.5 * rows) as canvas:
+        panels = np.ravel(canvas.subplots(rows, across, squeeze=False))
+        for axes, (title, log, graph, failed) in zip(panels, drives, strict=False):
             _from_above(axes, log, graph, vehicle, BAD if failed else GOOD)
             axes.set(title=title, xlabel="", ylabel="")
-        for axes in np.ravel(canvas.axes)[len(drives) :]:
+        for axes in panels[len(drives) :]:
             axes.set_axis_off()
 
 
@@ -96,7 +96,7 @@ def _boxes_of_ego(log: Log, steps: Any, vehicle: VehicleParams) -> np.ndarray:
     return np.array([[*log.centre[k], log.ego.heading[k], *size] for k in steps], float)
 
 
-def _boxes_of_others(log: Log, step: int, which: Sequence[int]) -> np.ndarray:
+def _boxes_of_others(log: Log, step: int, which: Any) -> np.ndarray:
     there = log.traffic
     names = ("heading", "length", "width")
     rows = [[*there.position[step, v], *(getattr(there, name)[step, v] for name in names)] for v in which]

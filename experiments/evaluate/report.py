@@ -4,10 +4,7 @@ import resource
 import time
 from typing import Any
 
-import jax
-import numpy as np
-
-from experiments.evaluate import figures, study, tables
+from experiments.evaluate import figures, replay, study, tables
 from experiments.evaluate.study import EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
@@ -18,6 +15,7 @@ from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.log import Log
+from urbanjax.types import ConfigError
 
 EVERY = 2  # steps between the pictures of a GIF
 PEAK = 1024.0  # kB in a MB
@@ -31,7 +29,15 @@ SUCCESS = (
 
 
 def write(params: EvaluateStudy, run: Run) -> None:
-    """Drive all, write rows, tables, figures and report."""
+    """Drive all, write rows, tables, figures and report; or compare two runs, or drive one row again."""
+    if params.replay:
+        replay.write(params, run)
+        return
+    if bool(params.run) != bool(params.against):
+        raise ConfigError("'run' and 'against' belong together: name two directories of evaluations")
+    if params.run:
+        _compare(params, run)
+        return
     rows, seconds = _drive(params, run)
     run.table("rows", tables.columns(rows))
     expected = [
@@ -122,7 +128,7 @@ def _gallery(params: EvaluateStudy, run: Run) -> report.Picture:
     drives = [
         (
             f"{one.job.mission.name}: {_label(int(one.row['cause']))}",
-            *log_and_road(params, driver, one),
+            *_log_and_road(params, driver, one),
             not one.row["success"],
         )
         for one in outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
@@ -130,15 +136,6 @@ def _gallery(params: EvaluateStudy, run: Run) -> report.Picture:
     figures.draw_gallery(drives, run.path("missions.png"), params.vehicle)
     caption = f"One drive of each mission by {driver}, seed {params.seed}; red where it failed"
     return report.Picture(caption, run.path("missions.png"))
-
-
-def log_and_road(params: EvaluateStudy, driver: str, outcome: Outcome) -> tuple[Log, RoadGraph]:
-    """The log until the drive ends, and the road."""
-    assert outcome.log is not None
-    last = int(np.searchsorted(outcome.log.time - outcome.log.time[0], float(outcome.row["duration_s"]) + 1e-3))
-    traffic = outcome.row["traffic"]
-    case = case_of(study.loop_of(params, driver), outcome.job, traffic=traffic)
-    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph
 
 
 def _worst(params: EvaluateStudy, run: Run, rows: Rows) -> list[report.Section]:
@@ -151,10 +148,36 @@ def _worst(params: EvaluateStudy, run: Run, rows: Rows) -> list[report.Section]:
     items: list[report.Table | report.Picture] = []
     drives = outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
     for row, one in zip(chosen, drives, strict=True):
-        log, graph = log_and_road(params, driver, one)
+        log, graph = _log_and_road(params, driver, one)
         name = f"worst_{row['mission']}_{row['seed']}.gif"
         title = f"{row['mission']}, seed {row['seed']}: {row['cause']} at {row['cause_time_s']:.1f} s"
         frames = figures.moving(log, graph, params.vehicle, every=EVERY, title=title)
         write_gif(run.path(name), frames, rate=1.0 / (EVERY * float(params.period)))
         items.append(report.Picture(title, run.path(name)))
     return [report.Section(f"Worst drives of {driver}", [], items)]
+
+
+def _log_and_road(params: EvaluateStudy, driver: str, outcome: Outcome) -> tuple[Log, RoadGraph]:
+    case = case_of(study.loop_of(params, driver), outcome.job, traffic=params.traffic[0])
+    return study.until_end(outcome, case)
+
+
+def _compare(params: EvaluateStudy, run: Run) -> None:
+    """Two runs, drive by drive."""
+    ours, theirs = (study.rows_of(getattr(params, key), key) for key in ("run", "against"))
+    found: dict[str, list[Any]] = {}
+    for driver in dict.fromkeys((*tables.names(ours, "driver"), *tables.names(theirs, "driver"))):
+        for traffic in tables.names(ours, "traffic"):
+            pair = [tables.chosen(rows, driver=driver, traffic=traffic) for rows in (ours, theirs)]
+            if all(pair):
+                line = {"driver": driver, "traffic": traffic, **tables.against(*pair)}
+                for name, value in line.items():
+                    found.setdefault(name, []).append(value)
+    if not found:
+        raise ConfigError(f"run={params.run} and against={params.against} have no driver and traffic in common")
+    run.table("differences", found)
+    run.summary({"lines": len(found["driver"]), "pairs": sum(found["pairs"])})
+    progress.show_table(f"{params.run} less {params.against}", found)
+    items = [report.Table("Paired differences from the same starts", found)]
+    section = report.Section(f"{params.run} less {params.against}", [], items)
+    report.write_report(run.path("report.html"), "Two runs", sections=[section], manifest=run.manifest("complete"))

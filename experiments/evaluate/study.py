@@ -4,14 +4,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
+import jax
 import numpy as np
 
 from urbanjax.drivers import DRIVERS, IdmDriver, PdmDriver
 from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
+from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.facts import ROUNDING
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
 from urbanjax.evaluation.traffic import MANNERS
+from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams
-from urbanjax.types import ConfigError, Unread, pytree, static
+from urbanjax.sim.log import Log
+from urbanjax.types import ConfigError, Unread, field, pytree, static
 
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
 
@@ -21,6 +26,8 @@ class EvaluateStudy(LoopParams):
     """Missions x seeds x drivers x traffic."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
+        "row": Unread("no run is driven again, see 'replay'", lambda p: not p.replay),
+        "before": Unread("no run is driven again, see 'replay'", lambda p: not p.replay),
         "stack": Unread("the stack does not drive, see 'drivers'", lambda p: not {"stack", "blind"} & set(p.drivers)),
         **{
             name: Unread(f"'{name}' does not drive, see 'drivers'", lambda p, name=name: name not in p.drivers)
@@ -39,6 +46,11 @@ class EvaluateStudy(LoopParams):
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
     worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off
+    run: str = static(default="", metadata={"path": True})  # directory of a run, to be compared instead of driving
+    against: str = static(default="", metadata={"path": True})  # directory of another one
+    replay: str = static(default="", metadata={"path": True})  # directory of a run of which one drive is driven again
+    row: int = static(default=0, metadata={"range": (0, 10**9)})  # which one, counted in its rows.csv from 0
+    before: float = field(default=1.0, metadata={"range": (0.0, 30.0)})  # s before its cause, asked of the driver
 
 
 def loop_of(study: EvaluateStudy, driver: str) -> LoopParams:
@@ -84,9 +96,27 @@ def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
     return {"driver": driver, **{name: plain(value) for name, value in outcome.row.items()}}
 
 
+def until_end(outcome: Outcome, case: Case) -> tuple[Log, RoadGraph]:
+    """The log until the drive ends, and the road."""
+    assert outcome.log is not None
+    time = outcome.log.time - outcome.log.time[0]
+    last = int(np.searchsorted(time, float(outcome.row["duration_s"]) + ROUNDING))
+    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph
+
+
 def plain(value: Any) -> Any:
     """A NumPy scalar as Python's own."""
     return value.item() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def rows_of(directory: str, key: str) -> list[dict[str, Any]]:
+    """The rows of a run. Args: directory; key, that named it. Raises ConfigError where there are none."""
+    import pyarrow.parquet
+
+    path = Path(directory) / "rows.parquet"
+    if not path.is_file():
+        raise ConfigError(f"{key}={directory}: there is no {path.name} in it; name the directory of an evaluation")
+    return pyarrow.parquet.read_table(path).to_pylist()
 
 
 def known(resume: str) -> dict[str, list[dict[str, Any]]]:

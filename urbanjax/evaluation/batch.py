@@ -80,7 +80,7 @@ def _drive(loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs
     """One chunk."""
     found = [case_of(loop, job, traffic=traffic) for job in jobs]
     found += [found[-1]] * (chunk - len(found))
-    cases = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *found)
+    cases = _stacked(found)
     longest = round(LONGEST / float(loop.period))
     now = _begin(loop, cases)
     parts, driven = [], 0
@@ -102,6 +102,10 @@ def _drive(loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs
     ]
 
 
+def _stacked(cases: Sequence[Case]) -> Case:
+    return jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *cases)
+
+
 def _padded(parts: list[Log], steps: int, period: float) -> Log:
     """The parts of a log joined, and its end held until there are as many steps as in any."""
 
@@ -120,9 +124,13 @@ def _nothing(info: Any) -> None:
     return None
 
 
+def _all(info: Any) -> Any:
+    return info
+
+
 @functools.partial(jax.jit, compiler_options=compiler_options())
 def _begin(loop: LoopParams, cases: Case) -> Underway:
-    return jax.vmap(lambda case: begin(loop, case.course, case.start))(cases)
+    return jax.vmap(lambda case: begin(loop, case.course, start=case.start))(cases)
 
 
 @functools.partial(jax.jit, static_argnames="n_steps", compiler_options=compiler_options())
@@ -130,10 +138,21 @@ def _segment(loop: LoopParams, cases: Case, now: Underway, n_steps: int) -> tupl
     """Some steps of all, and which of them are still driving."""
 
     def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-        after, (log, _) = go_on(loop, case.course, case.lanes, now, n_steps, _nothing)
+        after, (log, _) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=n_steps, keep=_nothing)
         seen = facts(log, case, vehicle=loop.vehicle)
         late = after.world.time - case.start.time > case.limit
         return after, log, ~jnp.any(seen.station >= case.goal) & ~late
+
+    return jax.vmap(one)(cases, now)
+
+
+@functools.partial(jax.jit, compiler_options=compiler_options())
+def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Any]:
+    """One step of all, and what the driver says of it."""
+
+    def one(case: Case, now: Underway) -> tuple[Underway, Any]:
+        after, (_, info) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
+        return after, jax.tree.map(lambda x: x[0], info)
 
     return jax.vmap(one)(cases, now)
 
@@ -144,3 +163,21 @@ def _judge(loop: LoopParams, cases: Case, logs: Log) -> dict[str, jax.Array]:
         return judge(facts(log, case, vehicle=loop.vehicle), loop.vehicle)
 
     return jax.vmap(one)(cases, logs)
+
+
+def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int = CHUNK) -> Any:
+    """The driver's info in the step at a time of a drive, for whoever asks why.
+
+    Up to the last multiple of `SEGMENT` steps by the program that drove it, from there step by step.
+    Args: loop, with the driver; job; traffic, how the others drive; time [s] since the start; chunk, of the drive.
+    """
+    loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
+    cases = _stacked([case_of(loop, job, traffic=traffic)] * chunk)
+    now = _begin(loop, cases)
+    steps = max(round(time / float(loop.period)), 0)
+    for _ in range(steps // SEGMENT):
+        now, _, _ = _segment(loop, cases, now, n_steps=SEGMENT)
+    info = None
+    for _ in range(steps % SEGMENT + 1):
+        now, info = _one_step(loop, cases, now)
+    return jax.tree.map(lambda x: x[0], jax.device_get(info))

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def mannered_sim(sim: SimParams, name: str) -> SimParams:
     return dataclasses.replace(sim, reaction=dataclasses.replace(sim.reaction, margin=UNREACHABLE))
 
 
-def _with(traffic: Traffic, **columns: np.ndarray) -> Traffic:
+def _with(traffic: Traffic, **columns: Any) -> Traffic:
     now = {name: np.asarray(getattr(traffic, name)) for name in columns}
     return dataclasses.replace(
         traffic, **{name: np.asarray(column, now[name].dtype) for name, column in columns.items()}

@@ -33,7 +33,7 @@ class Cause(enum.IntEnum):
     @property
     def label(self) -> str:
         """In words."""
-        return self.name.lower().replace("_", " ")
+        return "success" if self == Cause.NONE else self.name.lower().replace("_", " ")
 
 
 def judge(facts: Facts, vehicle: VehicleParams) -> dict[str, Array]:

@@ -3,13 +3,14 @@
 import functools
 from collections.abc import Callable
 
+import jax
 import numpy as np
 
 from urbanjax.evaluation.case import Case
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.drawn_roads import DrawnRoad
 from urbanjax.sim.scenarios.stage import Cast, Stage, StageSize, stage
-from urbanjax.types import host_record
+from urbanjax.types import as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 ROADS = 16  # that a mission draws; seed after seed takes the next one
@@ -42,8 +43,8 @@ class Mission:
         cast = Cast(where, others, vehicle=vehicle)
         self.cast(np.random.default_rng([self.number, seed, 1]), cast)
         goal = cast.start + float(vehicle.centre_offset) + self.way
-        numbers = (np.float32(x) for x in (goal, self.limit(speed_limit)))
-        return Case(where.corridor, where.lanes, cast.world(), *numbers)
+        numbers = as_arrays({"goal": goal, "limit": self.limit(speed_limit)})
+        return Case(where.corridor, where.lanes, cast.world(), **jax.device_get(numbers))
 
 
 @functools.cache

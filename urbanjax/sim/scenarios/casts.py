@@ -1,10 +1,12 @@
 """Who drives where at the start of each kind of situation, drawn from ranges (host side)."""
 
+from typing import Any
+
 import numpy as np
 
 from urbanjax.sim.scenarios.stage import Cast
 from urbanjax.sim.signals import SignalProgram
-from urbanjax.types import RoadUser
+from urbanjax.types import RoadUser, as_arrays
 
 START = 40.0  # m, station of the ego's rear axle
 EGO_PACE = (0.6, 0.95)  # of the speed limit
@@ -175,11 +177,10 @@ def signalised(rng: np.random.Generator, cast: Cast) -> None:
     cross_traffic(rng, cast)
     cycle, yellow, clearance = float(rng.uniform(20.0, 28.0)), 3.0, 1.0
     begin = float(rng.uniform(0.0, cycle))
-    each = np.ones(cast.stage.size.n_signals, np.float32)
-    phase = np.arange(len(each)) % 2
-    share = 0.5 - (yellow + clearance) / cycle
-    offset = (begin + phase * cycle / 2).astype(np.float32)
-    cast.signals = SignalProgram(cycle * each, offset, np.float32(share) * each, yellow * each)
+    phase = np.arange(cast.stage.size.n_signals) % 2
+    each, share = np.ones(len(phase)), 0.5 - (yellow + clearance) / cycle
+    program: dict[str, Any] = {"offset": begin + phase * cycle / 2, "green": share * each}
+    cast.signals = SignalProgram(**as_arrays({**program, "cycle": cycle * each, "yellow": yellow * each}))
 
 
 def alone(rng: np.random.Generator, cast: Cast) -> None:

@@ -15,7 +15,7 @@ from urbanjax.sim import lanes as tables
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.replay import Replay
-from urbanjax.sim.signals import SignalProgram
+from urbanjax.sim.signals import SignalProgram, always_green
 from urbanjax.sim.world import WorldState
 from urbanjax.types import RoadUser, ScenarioError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
@@ -99,7 +99,8 @@ def stage(graph: RoadGraph, start: int, *, goal: int, size: StageSize, via: tupl
     found = route_between(graph, start, goal=goal, via=via, params=RouteParams(n_links=32))
     lanes = tables.from_graph(graph).replace(has_conflicts=True)
     params = as_arrays(CorridorParams(n_stations=size.n_stations))
-    return Stage(*jax.device_get((_corridor(graph, found, params=params), lanes)), size)
+    corridor, lanes = jax.device_get((_corridor(graph, found, params=params), lanes))
+    return Stage(corridor, lanes, size)
 
 
 _corridor = jax.jit(corridor_along)
@@ -210,8 +211,7 @@ class Cast:
     def _signals(self) -> SignalProgram:
         if self.signals is not None:
             return self.signals
-        each = np.ones(self.stage.size.n_signals, np.float32)
-        return SignalProgram(60 * each, 0 * each, each, 0 * each)
+        return always_green(self.stage.size.n_signals)
 
     def _replay(self) -> Replay | None:
         size = self.stage.size
@@ -227,4 +227,4 @@ class Cast:
         floats: dict[str, Any] = {"position": position, "heading": rows[0], "speed": rows[1]}
         floats["period"] = self.written_period
         floats |= {"length": dimensions[0], "width": dimensions[1]}
-        return Replay(**as_arrays(floats), valid=valid, kind=kind)
+        return Replay(**as_arrays(floats), **as_arrays({"valid": valid, "kind": kind}))
