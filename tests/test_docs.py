@@ -68,7 +68,7 @@ def test_examples_of_the_guide_run_as_printed(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["scene", "drive", "kl_divergence", "surrogate_safety", "register", "evaluate", "score"]
+    "name", ["scene", "drive", "kl_divergence", "surrogate_safety", "register", "evaluate", "qualify", "score"]
 )
 def test_what_the_guide_calls_is_named_by_its_package_and_says_shapes_and_units(name):
     from urbanjax import evaluation, registration, traffic

@@ -6,7 +6,7 @@ not depend on which others share its chunk.
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -82,16 +82,16 @@ def _drive(loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs
     found += [found[-1]] * (chunk - len(found))
     cases = _stacked(found)
     longest = round(LONGEST / float(loop.period))
-    now = _begin(loop, cases)
+    now = _compiled(_begin)(loop, cases)
     parts, driven = [], 0
     while driven < longest:
-        now, log, going = _segment(loop, cases, now, n_steps=SEGMENT)
+        now, log, going = _compiled(_segment)(loop, cases, now)
         parts.append(jax.device_get(log))
         driven += SEGMENT
         if not bool(np.any(going[: len(jobs)])):
             break
     whole = _padded(parts, longest, float(loop.period))
-    rows = jax.device_get(_judge(loop, cases, whole))
+    rows = jax.device_get(_compiled(_judge)(loop, cases, whole))
     return [
         Outcome(
             job,
@@ -128,17 +128,21 @@ def _all(info: Any) -> Any:
     return info
 
 
-@functools.partial(jax.jit, compiler_options=compiler_options())
+@functools.cache
+def _compiled(function: Callable) -> Callable:
+    """The function as a program; made when it is needed, since its options depend on the device."""
+    return jax.jit(function, compiler_options=compiler_options())
+
+
 def _begin(loop: LoopParams, cases: Case) -> Underway:
     return jax.vmap(lambda case: begin(loop, case.course, start=case.start))(cases)
 
 
-@functools.partial(jax.jit, static_argnames="n_steps", compiler_options=compiler_options())
-def _segment(loop: LoopParams, cases: Case, now: Underway, n_steps: int) -> tuple[Underway, Log, jax.Array]:
-    """Some steps of all, and which of them are still driving."""
+def _segment(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
+    """`SEGMENT` steps of all, and which of them are still driving."""
 
     def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-        after, (log, _) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=n_steps, keep=_nothing)
+        after, (log, _) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
         seen = facts(log, case, vehicle=loop.vehicle)
         late = after.world.time - case.start.time > case.limit
         return after, log, ~jnp.any(seen.station >= case.goal) & ~late
@@ -146,7 +150,6 @@ def _segment(loop: LoopParams, cases: Case, now: Underway, n_steps: int) -> tupl
     return jax.vmap(one)(cases, now)
 
 
-@functools.partial(jax.jit, compiler_options=compiler_options())
 def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Any]:
     """One step of all, and what the driver says of it."""
 
@@ -157,7 +160,6 @@ def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, A
     return jax.vmap(one)(cases, now)
 
 
-@functools.partial(jax.jit, compiler_options=compiler_options())
 def _judge(loop: LoopParams, cases: Case, logs: Log) -> dict[str, jax.Array]:
     def one(case: Case, log: Log) -> dict[str, jax.Array]:
         return judge(facts(log, case, vehicle=loop.vehicle), loop.vehicle)
@@ -173,11 +175,11 @@ def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int 
     """
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
     cases = _stacked([case_of(loop, job, traffic=traffic)] * chunk)
-    now = _begin(loop, cases)
+    now = _compiled(_begin)(loop, cases)
     steps = max(round(time / float(loop.period)), 0)
     for _ in range(steps // SEGMENT):
-        now, _, _ = _segment(loop, cases, now, n_steps=SEGMENT)
+        now, _, _ = _compiled(_segment)(loop, cases, now)
     info = None
     for _ in range(steps % SEGMENT + 1):
-        now, info = _one_step(loop, cases, now)
+        now, info = _compiled(_one_step)(loop, cases, now)
     return jax.tree.map(lambda x: x[0], jax.device_get(info))

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from urbanjax.roadmap.costs_to_go import cost_to_go, costs_to_go
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import COSTS, SEARCHES, RouteParams, link_costs
-from urbanjax.roadmap.tracing import Route, Trip, entry_of, mission_to, trace
+from urbanjax.roadmap.tracing import Route, Trip, entry_of, itinerary_to, trace
 from urbanjax.types import RouteError, Status
 
 __all__ = [
@@ -41,10 +41,10 @@ def plan_route(
     Args: graph, the road graph; start, a link; trip, what the route is for.
     """
     params = RouteParams() if params is None else params
-    mission = mission_to(graph, trip, params=params)
+    itinerary = itinerary_to(graph, trip, params=params)
     moved = not (trip.via or trip.laps > 1)
     start, leg = jnp.asarray(start, jnp.int32), jnp.asarray(0, jnp.int32)
-    return trace(mission, start, leg=leg, moved=jnp.asarray(moved), n_links=params.n_links)
+    return trace(itinerary, start, leg=leg, moved=jnp.asarray(moved), n_links=params.n_links)
 
 
 def reroute(
@@ -67,10 +67,10 @@ def reroute(
     last, which tells apart the laps.
     """
     params = RouteParams() if params is None else params
-    mission = mission_to(graph, trip, params=params)
+    itinerary = itinerary_to(graph, trip, params=params)
     link = jnp.asarray(link, jnp.int32)
     entry, on_route = entry_of(route, link, since=since)
-    found = trace(mission, link, leg=route.leg[entry], moved=~on_route, n_links=params.n_links)
+    found = trace(itinerary, link, leg=route.leg[entry], moved=~on_route, n_links=params.n_links)
     driven = jnp.argmax(found.valid & ~found.change)
     share = jnp.clip(station / graph.length[link], 0, 1)
     behind = jnp.where(found.status == Status.OK, share * link_costs(graph, params)[found.link[driven]], 0)

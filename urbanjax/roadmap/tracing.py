@@ -34,7 +34,7 @@ class Trip:
 
 
 @pytree
-class Mission:
+class Itinerary:
     """The targets to be visited in order, so many times over, and the best ways to each (V variants)."""
 
     moves: Moves
@@ -53,7 +53,7 @@ def entry_of(route: Route, link: int | Int[Array, ""], *, since: int | Int[Array
     return jnp.where(on_route, jnp.argmax(here), since).astype(jnp.int32), on_route
 
 
-def mission_to(graph: RoadGraph, trip: Trip, *, params: RouteParams) -> Mission:
+def itinerary_to(graph: RoadGraph, trip: Trip, *, params: RouteParams) -> Itinerary:
     """The targets of a trip, with the table of each for each variant of the search.
 
     Args: graph, the road graph; trip, what the route is for.
@@ -65,16 +65,16 @@ def mission_to(graph: RoadGraph, trip: Trip, *, params: RouteParams) -> Mission:
     )
     tables = [lax.map(lambda target, m=m: potential(m, target), targets) for m in variants]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *tables)
-    return Mission(ways, targets, stacked, jnp.asarray(trip.laps * len(targets), jnp.int32))
+    return Itinerary(ways, targets, stacked, jnp.asarray(trip.laps * len(targets), jnp.int32))
 
 
-def trace(mission: Mission, link: Array, *, leg: Array, moved: Array, n_links: int) -> Route:
+def trace(itinerary: Itinerary, link: Array, *, leg: Array, moved: Array, n_links: int) -> Route:
     """The route from `link` through the targets from number `leg` on.
 
-    Args: mission, the targets and the ways to them; link, where the route starts; leg, number of the first target;
+    Args: itinerary, the targets and the ways to them; link, where the route starts; leg, number of the first target;
     moved, whether starting at that target is reaching it; n_links, R.
     """
-    ways, tables, targets = mission.moves, mission.tables, mission.targets
+    ways, tables, targets = itinerary.moves, itinerary.tables, itinerary.targets
     n_targets = len(targets)
 
     def choose(link: Array, leg: Array) -> tuple[Array, Array]:
@@ -87,7 +87,7 @@ def trace(mission: Mission, link: Array, *, leg: Array, moved: Array, n_links: i
         link, leg, moved, variant, cost, driving, reachable = carry
         arrived = (link == targets[leg % n_targets]) & moved
         leg = leg + arrived.astype(leg.dtype)
-        done = leg == mission.n_legs
+        done = leg == itinerary.n_legs
         fresh, possible = choose(link, leg)
         variant = jnp.where(arrived, fresh, variant)
         possible = jnp.where(arrived, possible, reachable)
@@ -107,7 +107,7 @@ def trace(mission: Mission, link: Array, *, leg: Array, moved: Array, n_links: i
         return carry, out
 
     variant, possible = choose(link, leg)
-    possible = possible | ((link == targets[leg % n_targets]) & moved) | (leg == mission.n_legs)
+    possible = possible | ((link == targets[leg % n_targets]) & moved) | (leg == itinerary.n_legs)
     first = (link, leg, moved, variant, jnp.zeros_like(ways.drive[0]), jnp.asarray(True), possible)
     (_, _, _, _, cost, driving, reachable), (links, valid, change, legs) = lax.scan(step, first, length=n_links)
     reached = reachable & jnp.isfinite(cost)

@@ -29,7 +29,10 @@ def enter(rng: np.random.Generator, cast: Cast) -> float:
 
 
 def fill(rng: np.random.Generator, cast: Cast, *, count: int, lanes: list[int], reach: tuple[float, float]) -> None:
-    """Up to `count` vehicles at random places that are free. Args: rng; cast; lanes, to the left; reach, stations m."""
+    """Up to `count` vehicles at random places that are free.
+
+    Args: rng; cast; count; lanes, to the left of the route's; reach, stations m.
+    """
     for _ in range(4 * count):
         if count == 0 or not lanes:
             return

@@ -1,0 +1,46 @@
+"""How good a driver is, in one call (host side)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from urbanjax.evaluation.batch import Job, outcomes
+from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
+from urbanjax.evaluation.traffic import MANNERS
+from urbanjax.evaluation.verdict import Cause
+from urbanjax.rollout import LoopParams
+from urbanjax.types import ConfigError
+from urbanjax.types.arguments import kind, whole
+
+
+def qualify(
+    driver: Any = None,
+    *,
+    missions: Sequence[str] = tuple(mission.name for mission in QUALIFICATION),
+    seeds: int = 16,
+    traffic: str = "idm",
+    params: LoopParams | None = None,
+) -> dict[str, np.ndarray]:
+    """Drives of a driver in every mission, as columns [N] with one entry for each drive.
+
+    Among them `mission`, `seed`, `success`, `cause` (what it failed by), `nuplan_total`, `carla_total`,
+    `commonroad_total`, `competition_total` and what these are made of. `evaluation.statistics` gives intervals.
+    Args: driver, any pytree with `init` and `step` (see `drivers.protocol`; None: the stack of params); missions,
+    names in `evaluation.missions.MISSIONS`; seeds, drives of each, of the seeds from 0; traffic, how the others drive
+    (a name in `evaluation.traffic.MANNERS`); params, of the closed loop. Raises ConfigError for names that there are
+    not, and for what is no driver.
+    """
+    params = LoopParams() if params is None else params
+    kind(params, "params", wanted=LoopParams, error=ConfigError)
+    whole(seeds, "seeds", error=ConfigError, least=1)
+    if driver is not None and not all(callable(getattr(driver, name, None)) for name in ("init", "step")):
+        raise ConfigError(f"driver is {driver!r}: it needs init(course, pose) and step(course, state, observation)")
+    names = [missions] if isinstance(missions, str) else list(missions)
+    for asked, there in [*((name, MISSIONS) for name in names), (traffic, MANNERS)]:
+        if asked not in there:
+            raise ConfigError(f"{asked!r} is none of {', '.join(there)}")
+    loop = params if driver is None else params.replace(driver=driver)
+    jobs = [Job(MISSIONS[name], seed) for name in names for seed in range(seeds)]
+    rows = [{**one.row, "cause": Cause(int(one.row["cause"])).label} for one in outcomes(loop, jobs, traffic=traffic)]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
