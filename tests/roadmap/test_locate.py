@@ -136,6 +136,20 @@ def test_where_a_pose_can_be_it_is_followed_to_what_is_located(district):
     np.testing.assert_array_equal(each(before, position, heading), found)
 
 
+@pytest.mark.parametrize("offset", [-0.3, 0.3])
+def test_a_wrong_way_of_a_fork_is_left_when_the_right_one_shows(crossing, offset):
+    """Beside the centre on either side, where another way of the fork is nearer at first."""
+    params, forks = LocateParams(), np.flatnonzero(np.asarray(crossing.has_successor).sum(1) > 1)
+    step = jax.jit(jax.vmap(lambda k, p, h: follow(crossing, k, position=p, heading=h, params=params)))
+    ways = [(int(a), int(b)) for a in forks for b in crossing.successor[a][np.asarray(crossing.has_successor[a])]]
+    link, goal = (np.array(column, np.int32) for column in zip(*ways, strict=True))
+    now = jnp.asarray(link)
+    for share in np.linspace(0.0, 0.95, 60):
+        at, heading = poses(crossing, goal, share * np.asarray(crossing.length)[goal], np.full(len(goal), offset))
+        now = step(now, at, heading - np.sign(offset) * 0.02)
+    np.testing.assert_array_equal(now, goal)
+
+
 def test_station_and_offset_have_exact_gradients(district, course_links, x64):
     graph = jax.tree.map(lambda x: jnp.asarray(x, float) if jnp.issubdtype(x.dtype, jnp.floating) else x, district)
     bend = next(i for i in course_links if district.area_names[int(district.area[i])] == "curve F")

@@ -79,16 +79,23 @@ def follow(
     heading: Float[Array, ""],
     params: LocateParams,
 ) -> Int[Array, ""]:
-    """The link of one pose that was on `previous` a moment ago: this one, a neighbour of it or a successor.
+    """The link of one pose that was on `previous` a moment ago: this, a neighbour, a successor, or another way of a fork.
 
-    As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at.
+    As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at. The ways of a
+    fork lie on each other at first, so that the one taken shows only later.
     Args: graph, the road graph; previous, a link; position [2] m; heading [] rad.
     """
+    before = graph.predecessor[previous]
     links = jnp.concatenate(
-        [jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]]), graph.successor[previous]]
+        [
+            jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]]),
+            graph.successor[previous],
+            graph.successor[before].reshape(-1),
+        ]
     )
     beside = jnp.stack([jnp.array(True), graph.has_left[previous], graph.has_right[previous]])
-    exists = jnp.concatenate([beside, graph.has_successor[previous]])
+    forks = graph.has_successor[before] & graph.has_predecessor[previous][:, None]
+    exists = jnp.concatenate([beside, graph.has_successor[previous], forks.reshape(-1)])
     _, distance, angle = _nearest(graph, links[None], position[None])
     cost = distance + _heading_cost(safe.wrap_angle(heading - angle), params)
     aside = jnp.zeros(len(links), bool).at[1:3].set(True)  # the second and third of `links`

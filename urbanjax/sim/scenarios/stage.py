@@ -20,7 +20,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import RoadUser, ScenarioError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
-LIMITLESS = 1e-3  # of the speed limit: what somebody who stands for good wants to drive
+STILL = 1e-3  # m/s, below which what is written has no direction
 
 
 @host_record
@@ -145,7 +145,7 @@ class Cast:
     def add_standing(self, station: float, *, lane: int = 0, offset: float = 0.0, **fields: Any) -> None:
         """A vehicle that stands for good. Args: station m; lane, to the left of the route's; offset m; fields."""
         where: dict[str, Any] = {"offset": offset, "offset_from": offset, "offset_to": offset}
-        self.add(station, speed=0.0, lane=lane, desired_speed=LIMITLESS, reacts=False, **where, **fields)
+        self.add(station, speed=0.0, lane=lane, desired_speed=0.0, reacts=False, **where, **fields)
 
     def add_written(
         self, position: np.ndarray, *, period: float, kind: RoadUser, size: tuple[float, float] = (0.6, 0.6)
@@ -153,7 +153,7 @@ class Cast:
         """A road user that moves as written. Args: position [T, 2] m; period s; kind; size m, length and width."""
         step = np.gradient(position, period, axis=0)
         speed = np.linalg.norm(step, axis=1)
-        moves = speed > LIMITLESS
+        moves = speed > STILL
         heading = np.arctan2(step[:, 1], step[:, 0])
         heading = np.where(moves, heading, heading[np.argmax(moves)] if moves.any() else 0.0)
         self.recorded.append(
