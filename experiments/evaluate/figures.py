@@ -67,10 +67,25 @@ def draw_gallery(drives: Sequence[tuple[str, Log, RoadGraph, bool]], path: Path,
     with figure(path, 5.5 * across, height=2.5 * rows) as canvas:
         panels = np.ravel(canvas.subplots(rows, across, squeeze=False))
         for axes, (title, log, graph, failed) in zip(panels, drives, strict=False):
-            _from_above(axes, log, graph, vehicle, BAD if failed else GOOD)
+            _from_above(axes, *_turned(log, graph), vehicle, BAD if failed else GOOD)
             axes.set(title=title, xlabel="", ylabel="")
         for axes in panels[len(drives) :]:
             axes.set_axis_off()
+
+
+def _turned(log: Log, graph: RoadGraph) -> tuple[Log, RoadGraph]:
+    """Both in a frame in which the drive leads to the right."""
+    step = log.centre[-1] - log.centre[0]
+    angle = -float(np.arctan2(step[1], step[0]))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+    def at(points: Any) -> Any:
+        return (np.asarray(points, float) - log.centre[0]) @ turn
+
+    ego, others = log.ego.replace(heading=log.ego.heading + angle), log.traffic
+    others = others.replace(position=at(others.position), heading=others.heading + angle)
+    road = graph.replace(left=at(graph.left), right=at(graph.right))
+    return log.replace(centre=at(log.centre), ego=ego, traffic=others), road
 
 
 def _from_above(axes: Any, log: Log, graph: RoadGraph, vehicle: VehicleParams, colour: str) -> None:

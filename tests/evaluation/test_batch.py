@@ -1,7 +1,5 @@
 """Drives in chunks: what comes out does not depend on what else is in them."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -84,13 +82,18 @@ def test_the_row_says_whether_and_why(found):
         assert row["nuplan_total"] == pytest.approx(gates * parts @ np.array([5, 5, 4, 2]) / 16, abs=1e-5)
 
 
-def test_the_end_of_a_log_is_held():
-    log = batch._padded([jax.tree.map(lambda x: x[None, :50], found_log())], 70, 0.1)
-    assert log.time.shape == (1, 70)
-    np.testing.assert_allclose(np.diff(log.time[0]), 0.1, atol=1e-5)
-    np.testing.assert_array_equal(log.centre[0, 50:], np.broadcast_to(log.centre[0, 49], (20, 2)))
+def test_the_end_of_a_log_is_held(found):
+    log = batch._padded([jax.tree.map(lambda x: x[:50], found[0].log)], 70, 0.1)
+    assert log.time.shape == (70,)
+    np.testing.assert_allclose(np.diff(log.time), 0.1, atol=1e-5)
+    np.testing.assert_array_equal(log.centre[50:], np.broadcast_to(log.centre[49], (20, 2)))
 
 
-def found_log():
-    one = next(iter(outcomes(LOOP, JOBS[:1], chunk=CHUNK, logs=True))).log
-    return dataclasses.replace(one)
+def test_places_are_taken_again(found):
+    """Twelve drives in four places, so that they begin at different times beside others that go on."""
+    more = [*JOBS, *(Job(MISSIONS["cut_in"], seed) for seed in range(4, 8)), *JOBS]
+    out = list(outcomes(LOOP, more, chunk=CHUNK))
+    assert [one.job for one in out] == more
+    for k, one in enumerate(found):
+        equal(one, out[k])
+        equal(one, out[k + 8])

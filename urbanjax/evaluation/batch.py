@@ -1,12 +1,14 @@
-"""Many drives: chunks of one fixed size through one compiled program, each until its last drive is done.
+"""Many drives through one compiled program: so many at once, and where one ends the next one takes its place.
 
-A chunk is what one device computes at once; the last one is filled up with repeats. What comes out for a drive does
-not depend on which others share its chunk.
+A chunk is what one device computes at once; places that nobody takes any more hold repeats. What comes out for a drive
+does not depend on which others share its chunk, nor on when it began.
 """
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+import queue
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -25,7 +27,7 @@ from urbanjax.sim.log import Log
 from urbanjax.types import as_arrays, host_record
 
 CHUNK = 16  # drives at once: faster per drive than one or 64
-SEGMENT = 50  # steps between two looks at whether anybody is still driving
+SEGMENT = 50  # steps between two looks at who is still driving
 
 
 @host_record
@@ -45,29 +47,57 @@ class Outcome:
     log: Log | None = None  # [T], where it was asked for
 
 
+Numbered = tuple[int, Job]
+
+
 def outcomes(
     loop: LoopParams, jobs: Sequence[Job], *, traffic: str = "idm", chunk: int = CHUNK, logs: bool = False
 ) -> Iterator[Outcome]:
-    """The outcome of every job, in their order, as chunks end.
+    """The outcome of every job, in their order, as drives end.
 
     All missions of one size share a program. Args: loop, with the driver; jobs; traffic, how the others drive (see
     `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept.
     """
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
-    parts = [jobs[k : k + chunk] for k in range(0, len(jobs), chunk)]
+    early: dict[int, Outcome] = {}
+    following = 0
+    for number, outcome in _ended(loop, jobs, traffic, chunk, logs):
+        early[number] = outcome
+        while following in early:
+            yield early.pop(following)
+            following += 1
+
+
+def _ended(
+    loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool
+) -> Iterator[tuple[int, Outcome]]:
+    """Numbers and outcomes as drives end, the jobs dealt out to the devices; those of one size after the other."""
     devices = jax.local_devices()
+    for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
+        numbered = list(group)
+        if len(devices) == 1:
+            yield from _stream(loop, numbered, traffic, chunk, logs)
+            continue
+        found: queue.SimpleQueue = queue.SimpleQueue()
 
-    def work(k: int) -> list[Outcome]:
-        with jax.default_device(devices[k % len(devices)]):
-            return _drive(loop, parts[k], traffic, chunk, logs)
+        def work(k: int, mine: list[Numbered], found: queue.SimpleQueue = found) -> None:
+            try:
+                with jax.default_device(devices[k]):
+                    for pair in _stream(loop, mine, traffic, chunk, logs):
+                        found.put(pair)
+            finally:
+                found.put(None)
 
-    if len(devices) == 1:
-        for k in range(len(parts)):
-            yield from work(k)
-        return
-    with ThreadPoolExecutor(len(devices)) as pool:
-        for done in pool.map(work, range(len(parts))):
-            yield from done
+        with ThreadPoolExecutor(len(devices)) as pool:
+            tasks = [pool.submit(work, k, numbered[k :: len(devices)]) for k in range(len(devices))]
+            ended = 0
+            while ended < len(tasks):
+                pair = found.get()
+                ended += pair is None
+                if pair is not None:
+                    yield pair
+            for task in tasks:
+                task.result()  # raises what stopped it
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
@@ -76,30 +106,69 @@ def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
     return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
 
 
-def _drive(loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool) -> list[Outcome]:
-    """One chunk."""
-    found = [case_of(loop, job, traffic=traffic) for job in jobs]
-    found += [found[-1]] * (chunk - len(found))
-    cases = _stacked(found)
+@dataclasses.dataclass
+class _Place:
+    """One place of the chunk: whose drive it holds, and the log so far."""
+
+    number: int
+    job: Job
+    case: Case
+    parts: list[Log]
+
+
+def _stream(
+    loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int, logs: bool
+) -> Iterator[tuple[int, Outcome]]:
+    """The drives of one device: every place of the chunk is filled again as soon as its drive has ended."""
+    waiting = iter(jobs)
+    places: list[_Place | None] = [None] * chunk
+    ended: list[_Place] = []
     longest = round(LONGEST / float(loop.period))
-    now = _compiled(_begin)(loop, cases)
-    parts, driven = [], 0
-    while driven < longest:
-        now, log, going = _compiled(_segment)(loop, cases, now)
-        parts.append(jax.device_get(log))
-        driven += SEGMENT
-        if not bool(np.any(going[: len(jobs)])):
+    now: Underway | None = None
+    cases: list[Case] = []
+    while True:
+        new = np.zeros(chunk, bool)
+        for k in range(chunk):
+            if places[k] is None and (pair := next(waiting, None)) is not None:
+                case = case_of(loop, pair[1], traffic=traffic)
+                places[k], new[k] = _Place(*pair, case, []), True
+        if not any(places):
             break
-    whole = _padded(parts, longest, float(loop.period))
-    rows = jax.device_get(_compiled(_judge)(loop, cases, whole))
-    return [
-        Outcome(
-            job,
-            {"mission": job.mission.name, "seed": job.seed, "traffic": traffic, **{n: v[k] for n, v in rows.items()}},
-            jax.tree.map(lambda x, k=k: x[k], whole) if logs else None,
-        )
-        for k, job in enumerate(jobs)
-    ]
+        spare = next(place.case for place in places if place)
+        cases = [place.case if place else (cases[k] if cases else spare) for k, place in enumerate(places)]
+        stacked = _stacked(cases)
+        if new.any():
+            fresh = _compiled(_begin)(loop, stacked)
+            now = fresh if now is None else _compiled(_renewed)(now, fresh, new)
+        now, log, going = jax.block_until_ready(_compiled(_segment)(loop, stacked, now))
+        log, going = jax.device_get((log, going))
+        for k, place in enumerate(places):
+            if place is None:
+                continue
+            place.parts.append(jax.tree.map(lambda x, k=k: x[k], log))
+            if not going[k] or len(place.parts) * SEGMENT >= longest:
+                ended.append(place)
+                places[k] = None
+        while len(ended) >= chunk:
+            yield from _judged(loop, ended[:chunk], traffic, chunk, logs)
+            ended = ended[chunk:]
+    if ended:
+        yield from _judged(loop, ended, traffic, chunk, logs)
+
+
+def _judged(
+    loop: LoopParams, ended: list[_Place], traffic: str, chunk: int, logs: bool
+) -> Iterator[tuple[int, Outcome]]:
+    """What came of drives that have ended, at most a chunk of them."""
+    longest = round(LONGEST / float(loop.period))
+    full = ended + [ended[-1]] * (chunk - len(ended))
+    whole = [_padded(place.parts, longest, float(loop.period)) for place in full]
+    stacked = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *whole)
+    rows = jax.device_get(_compiled(_judge)(loop, _stacked([place.case for place in full]), stacked))
+    for k, place in enumerate(ended):
+        row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
+        row |= {name: values[k] for name, values in rows.items()}
+        yield place.number, Outcome(place.job, row, whole[k] if logs else None)
 
 
 def _stacked(cases: Sequence[Case]) -> Case:
@@ -110,14 +179,18 @@ def _padded(parts: list[Log], steps: int, period: float) -> Log:
     """The parts of a log joined, and its end held until there are as many steps as in any."""
 
     def join(*x: np.ndarray) -> np.ndarray:
-        joined = np.concatenate(x, axis=1)[:, :steps]
-        missing = steps - joined.shape[1]
-        return np.concatenate([joined, np.repeat(joined[:, -1:], missing, axis=1)], axis=1) if missing else joined
+        joined = np.concatenate(x)[:steps]
+        return np.concatenate([joined, np.repeat(joined[-1:], steps - len(joined), axis=0)])
 
     log = jax.tree.map(join, *parts)
     known = min(len(parts) * SEGMENT, steps)
-    later = log.time[:, known - 1 : known] + period * np.arange(1, steps - known + 1, dtype=log.time.dtype)
-    return dataclasses.replace(log, time=np.concatenate([log.time[:, :known], later], axis=1))
+    later = log.time[known - 1] + period * np.arange(1, steps - known + 1, dtype=log.time.dtype)
+    return dataclasses.replace(log, time=np.concatenate([log.time[:known], later]))
+
+
+def _renewed(now: Underway, fresh: Underway, new: jax.Array) -> Underway:
+    """The loops, some of them begun anew."""
+    return jax.tree.map(lambda a, b: jnp.where(new.reshape(-1, *[1] * (a.ndim - 1)), b, a), now, fresh)
 
 
 def _nothing(info: Any) -> None:

@@ -79,7 +79,7 @@ def follow(
     heading: Float[Array, ""],
     params: LocateParams,
 ) -> Int[Array, ""]:
-    """The link of one pose that was on `previous` a moment ago: this, a neighbour, a successor, or another way of a fork.
+    """The link of one pose that was on `previous` a moment ago: it, a neighbour, a successor, or another way of a fork.
 
     As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at. The ways of a
     fork lie on each other at first, so that the one taken shows only later.
