@@ -14,7 +14,7 @@ from urbanjax.roadmap.graph import Rule, Turn
 from urbanjax.roadmap.locate import locate
 from urbanjax.roadmap.route import route_between
 
-pytestmark = pytest.mark.real_data
+pytestmark = [pytest.mark.real_data, pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")]
 
 # Lanelets; stated successors, neighbours on the left and on the right, references to traffic lights; obstacles, their
 # states, planning problems; length of the centre lines in m.

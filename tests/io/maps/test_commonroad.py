@@ -156,3 +156,9 @@ def test_an_error_names_the_element(read, old, new, message):
         read(text)
     assert "map.xml: " in str(error.value)
     assert message in str(error.value)
+
+
+def test_a_lane_that_is_not_there_is_left_out_with_a_warning(read):
+    text = texts.COMMONROAD.replace('<successor ref="3"/>', '<successor ref="99999"/>', 1)
+    with pytest.warns(maps.DanglingWarning, match="map.xml: left out .*: lane 1: its successor 99999 is missing"):
+        assert 1 in read(text).ids

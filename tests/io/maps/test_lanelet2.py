@@ -1,5 +1,7 @@
 """Lanelet2: topology from shared points and ways, rules, signals, both coordinate systems."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -74,8 +76,8 @@ def test_the_projection_has_the_lengths_of_the_ellipsoid():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('<nd ref="4"/>', '<nd ref="99"/>', "the node 99 is missing"),
-        ('role="left" ref="22"', 'role="left" ref="99"', "the way 99 is missing"),
+        ('<nd ref="4"/>', '<nd ref="99"/>', "the node 99 is missing, which it names"),
+        ('role="left" ref="22"', 'role="left" ref="99"', '<relation id="41">: the way 99 is missing'),
         ('role="left" ref="22"', 'role="right" ref="22"', '<relation id="41">: has 0 left borders'),
         ('<tag k="local_x" v="80040"/>', "", '<node id="2">: has no local_x and local_y'),
         ('v="80040"', 'v="x"', '<node id="2">: local_x, local_y holds a coordinate'),
@@ -91,6 +93,12 @@ def test_an_error_names_the_element(read, old, new, message):
         read(text, "map.osm")
     assert "map.osm: " in str(error.value)
     assert (message or "holds no lane") in str(error.value)
+
+
+def test_new_elements_of_an_editor_have_negative_ids(found, read):
+    there = read(re.sub(r'(<relation id="|"relation"[^>]* ref=")', r"\1-", texts.lanelet2()), "map.osm")
+    assert set(there.ids) == {-key for key in found.ids}
+    np.testing.assert_array_equal(there.graph.has_successor.sum(), found.graph.has_successor.sum())
 
 
 def test_a_node_far_away_is_named(read):

@@ -49,6 +49,7 @@ def mutated(text, dice):
     return text.encode()
 
 
+@pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")
 @pytest.mark.parametrize("form", MAPS)
 def test_a_broken_map_is_read_or_refused_by_name(tmp_path, form):
     dice, path = random.Random(f"broken {form}"), tmp_path / "broken.xml"

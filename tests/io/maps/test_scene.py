@@ -107,6 +107,7 @@ def test_from_lane_to_lane(road):
     np.testing.assert_allclose(there.start.ego.position, begin, atol=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")
 @pytest.mark.parametrize("text", [texts.lanelet2(), texts.SUMO], ids=["lanelet2", "sumo"])
 def test_maps_without_traffic(text, tmp_path):
     path = tmp_path / "map.xml"

@@ -8,6 +8,8 @@ from urbanjax.io import maps
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import SignalState
 
+pytestmark = pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")
+
 
 @pytest.fixture
 def found(read):

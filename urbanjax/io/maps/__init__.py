@@ -1,13 +1,14 @@
 """Readers of road maps: each file becomes a `RoadMap`, whose graph the rest of the house drives on."""
 
 from urbanjax.evaluation.recorded.planning_problem import Goal, PlanningProblem, Region
-from urbanjax.io.maps.reading import read
+from urbanjax.io.maps.reading import DanglingWarning, read
 from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
 from urbanjax.io.maps.scene import Scene, scene
 from urbanjax.io.maps.xml import MapError
 from urbanjax.sim.recording import Recording
 
 __all__ = [
+    "DanglingWarning",
     "Goal",
     "MapError",
     "MapFault",

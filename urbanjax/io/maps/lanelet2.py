@@ -16,6 +16,7 @@ from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.types import host_record
 
 POLAR = 85.0  # deg, latitude beyond which the projection is of no use
+SIDES = ("left", "right")
 APART = 1.0  # deg, from the middle of a map to its farthest node
 ROADS = {"road", "highway", "play_street", "exit"}  # subtypes that cars may use unless a participant tag says otherwise
 TURNS = {"left": Turn.LEFT, "right": Turn.RIGHT, "straight": Turn.STRAIGHT, "u_turn": Turn.U_TURN}
@@ -37,9 +38,10 @@ class Border:
 
 @host_record
 class Lanelet:
-    """A lanelet in one of its driving directions; the id of the other one is negative."""
+    """A lanelet in one of its driving directions; the id of the other one has the other sign."""
 
     id: int
+    relation: int  # that states it; editors give new ones negative ids
     left: Border
     right: Border
     tags: dict[str, str]
@@ -52,7 +54,7 @@ def read(xml: Xml) -> RoadMap:
     Coordinates are `local_x`, `local_y` where the nodes have them; otherwise metres around the middle of the nodes in
     a transverse Mercator projection (see `geodesy`; `RoadMap.geo` holds the middle). Lanelets follow each other where
     both borders share end points, lie beside each other where they share a way, whose type or `lane_change` tag tells
-    whether it may be crossed; one driven both ways (`one_way` no) becomes two, the second with the negative id. A
+    whether it may be crossed; one driven both ways (`one_way` no) becomes two, the second with the id of the other sign. A
     signal is named after the ways of its lights, in order; it stands at the reference line. Lanelets without cars are
     counted in `other`.
     Args: xml, the parsed file. Raises MapError, naming the file and the element.
@@ -62,11 +64,12 @@ def read(xml: Xml) -> RoadMap:
     lanelets = {key: e for key, e in relations.items() if tags(e).get("type") == "lanelet"}
     drivable = {key: e for key, e in lanelets.items() if _cars(tags(e))}
     rules = regulations(xml, relations, ways=ways)
-    used = {
-        way for e in drivable.values() for role in ("left", "right") for way in members(xml, e, kind="way", role=role)
-    }
-    used |= {way for rule in rules.values() for way in rule.lines}
-    place, geo = _places(xml, {node for way in used for node in _nodes(xml, way, ways)})
+    borders = [(e, way) for e in drivable.values() for side in SIDES for way in members(xml, e, kind="way", role=side)]
+    for element, way in borders:
+        if way not in ways:
+            raise xml.fail(element, f"the way {way} is missing, which it names as a border")
+    used = {way for _, way in borders} | {way for rule in rules.values() for way in rule.lines}
+    place, geo = _places(xml, {node: ways[way] for way in used for node in _nodes(xml, ways[way])})
     parts = [part for key, e in drivable.items() for part in _lanelet(xml, key, e, ways, place)]
     follows, beside = _tables(parts)
     absent = [
@@ -75,8 +78,8 @@ def read(xml: Xml) -> RoadMap:
         for ref in members(xml, e, kind="relation", role="regulatory_element")
         if ref not in relations
     ]
-    lines = {way: np.array([place[n] for n in _nodes(xml, way, ways)]) for rule in rules.values() for way in rule.lines}
-    lanes = [_lane(xml, drivable[abs(part.id)], part, follows, beside, rules, lines) for part in parts]
+    lines = {way: np.array([place[n] for n in _nodes(xml, ways[way])]) for rule in rules.values() for way in rule.lines}
+    lanes = [_lane(xml, drivable[part.relation], part, follows, beside, rules, lines) for part in parts]
     subtypes = [tags(e).get("subtype", "") for key, e in lanelets.items() if key not in drivable]
     counts = {f"{kind or 'other'} lanelets": subtypes.count(kind) for kind in dict.fromkeys(subtypes)}
     kinds = [rule.kind for rule in rules.values()]
@@ -111,18 +114,16 @@ def _cars(stated: dict[str, str]) -> bool:
     return stated.get("subtype") in ROADS and not named
 
 
-def _nodes(xml: Xml, way: int, ways: dict[int, Element]) -> tuple[int, ...]:
-    if way not in ways:
-        raise xml.fail(xml.root, f"the way {way} is missing, which a relation names")
-    return tuple(xml.integer(ways[way], xml.attribute(nd, "ref"), "ref", low=-ID) for nd in ways[way].findall("nd"))
+def _nodes(xml: Xml, way: Element) -> tuple[int, ...]:
+    return tuple(xml.integer(way, xml.attribute(nd, "ref"), "ref", low=-ID) for nd in way.findall("nd"))
 
 
-def _places(xml: Xml, used: set[int]) -> tuple[dict[int, np.ndarray], tuple[float, float] | None]:
-    """Map coordinates [2] of each node, and the middle of the projection where there is one."""
+def _places(xml: Xml, used: dict[int, Element]) -> tuple[dict[int, np.ndarray], tuple[float, float] | None]:
+    """Map coordinates [2] of each node that a way names, and the middle of the projection where there is one."""
     nodes = {key: node for node in xml.root.findall("node") if (key := xml.id(node)) in used}
-    missing = used - nodes.keys()
+    missing = used.keys() - nodes.keys()
     if missing:
-        raise xml.fail(xml.root, f"the node {min(missing)} is missing, which a way names")
+        raise xml.fail(used[min(missing)], f"the node {min(missing)} is missing, which it names")
     if not nodes:
         raise xml.fail(xml.root, "holds no lanelet that cars may use")
     stated = {key: tags(node) for key, node in nodes.items()}
@@ -152,11 +153,11 @@ def _lanelet(
 ) -> list[Lanelet]:
     """A lanelet in its driving direction, and in the other one where it has both."""
     borders = []
-    for role in ("left", "right"):
+    for role in SIDES:
         named = members(xml, element, kind="way", role=role)
         if len(named) != 1:
             raise xml.fail(element, f"has {len(named)} {role} borders, expected 1")
-        nodes = _nodes(xml, named[0], ways)
+        nodes = _nodes(xml, ways[named[0]])
         if len(nodes) < 2:
             raise xml.fail(ways[named[0]], f"has {len(nodes)} points, expected 2 or more")
         borders.append(Border(named[0], nodes, np.array([place[n] for n in nodes]), False, tags(ways[named[0]])))
@@ -166,10 +167,10 @@ def _lanelet(
     right = _turned(right) if _side(right, left) < 0 else right
     stated = tags(element)
     regulatory = tuple(members(xml, element, kind="relation", role="regulatory_element"))
-    ahead = Lanelet(key, left, right, stated, regulatory)
+    ahead = Lanelet(key, key, left, right, stated, regulatory)
     if stated.get("one_way", "yes") != "no":
         return [ahead]
-    return [ahead, Lanelet(-key, _turned(right), _turned(left), stated, regulatory)]
+    return [ahead, Lanelet(-key, key, _turned(right), _turned(left), stated, regulatory)]
 
 
 def _turned(border: Border) -> Border:
@@ -219,7 +220,7 @@ def _lane(
     rule = Rule.NONE
     for ref in part.regulatory:
         if ref in rules:
-            rule = max(rule, rules[ref].rule(abs(part.id)))
+            rule = max(rule, rules[ref].rule(part.relation))
             if rules[ref].signal is not None:
                 signals.setdefault(rules[ref].signal, _stop(rules[ref], lines, part))
     return MapLane(

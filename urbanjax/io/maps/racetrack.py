@@ -26,6 +26,8 @@ LONGEST = 50_000.0  # m, of a track
 MOST_ROWS = 200_000
 CLOSING = 20.0  # m, from the last point to the first, up to which a track is a circuit
 TIGHTEST = 2.0  # m, radius of the centre line
+WIDE = 30.0  # m to one side of the reference line, beyond which no track reaches where
+FOLDED = 2.0  # times the radius of a bend would be exceeded on its inside
 INNER = 0.9  # of the radius: the border on the inside of a bend stays so near
 NARROWEST = 1.0  # m, width of a track
 SAME = 1e-3  # m, between points that are one
@@ -54,7 +56,7 @@ def read(path: str | Path) -> RoadMap:
     """The road graph of a racetrack: a chain of links with its borders; on a circuit the last leads to the first.
 
     The lane's middle is that of the track, smoothed; its borders lie within the track's, and on the inside of a bend at
-    most 0.9 of the radius from its reference line, where normals would cross.
+    most 0.9 of the radius from its reference line, where normals would cross; beyond twice it (and 30 m) it is refused.
     Args: path of the file. Raises MapError, with line and column.
     """
     return road_map(Path(path), parse(Path(path)))
@@ -202,6 +204,14 @@ def borders(path: Path, track: Racetrack) -> tuple[np.ndarray, np.ndarray]:
     sides = []
     for width, sign in ((track.left, 1.0), (track.right, -1.0)):
         given = np.interp(grid, station, np.append(width, width[0]) if track.closed else width)
+        folded = (given > WIDE) & (given * sign * curvature > FOLDED)
+        if folded.any():
+            k = int(np.argmax(folded))
+            row = int(np.searchsorted(station, grid[k]).clip(0, len(track.line) - 1))
+            raise MapError(
+                f"{path}: line {track.line[row]}, column {'left' if sign > 0 else 'right'}: a width of {given[k]:.0f} m "
+                f"on the inside of a bend of {1 / abs(curvature[k]):.0f} m radius: correct it, or its unit"
+            )
         sides.append(np.minimum(given, INNER / np.maximum(sign * curvature, 1e-9)))
     middle, half = _within(sides[0], sides[1], track.closed)
     if half.min() < NARROWEST / 2:

@@ -1,5 +1,6 @@
 """Which reader a map's file is for."""
 
+import warnings
 from pathlib import Path
 
 from urbanjax.io.files import path_of
@@ -9,10 +10,17 @@ from urbanjax.io.maps.xml import parse
 
 READERS = {"commonRoad": commonroad.read, "osm": lanelet2.read, "net": sumo.read}  # by the root element
 
+SHOWN = 3  # dangling references that the warning names
+
+
+class DanglingWarning(UserWarning):
+    """A map names what it does not hold."""
+
 
 def read(path: str | Path) -> RoadMap:
     """The map of a CommonRoad (2018b, 2020a), Lanelet2 or SUMO file, told by its content, or of a racetrack's CSV.
 
+    What it names but does not hold, as clipped maps do, is left out, with a DanglingWarning.
     Args: path of the file. Raises MapError, naming the file and the element, for what is no such map or a malformed
     one.
     """
@@ -22,4 +30,10 @@ def read(path: str | Path) -> RoadMap:
     xml = parse(path)
     if xml.root.tag not in READERS:
         raise xml.fail(xml.root, "no map: one begins with <commonRoad>, <osm> or <net>")
-    return READERS[xml.root.tag](xml)
+    found = READERS[xml.root.tag](xml)
+    dangling = [f"lane {fault.lane}: {fault.detail}" for fault in found.faults if fault.kind == "dangling link"]
+    if dangling:
+        more = f" and {len(dangling) - SHOWN} more (see faults of the map)" if len(dangling) > SHOWN else ""
+        message = f"{path}: left out what the file names but does not hold: {'; '.join(dangling[:SHOWN])}{more}"
+        warnings.warn(message, DanglingWarning, stacklevel=2)
+    return found
