@@ -21,7 +21,7 @@ from experiments.benchmark.divergence_points import KINDS
 from experiments.common import timing
 from urbanjax.traffic.divergence.estimate import DivergenceParams, all_pairs, divergence
 from urbanjax.traffic.divergence.neighbours import Pairs
-from urbanjax.types import ConfigError, as_arrays, pytree, static
+from urbanjax.types import SEED, ConfigError, as_arrays, pytree, static
 
 PAIR: Pairs = ((0, 1),)
 Tick = Callable[[str], None]
@@ -39,7 +39,7 @@ class DivergenceSpeedStudy:
     threads: int = static(default=2, metadata={"range": (1, 1000)})  # of cKDTree
     repeats: int = static(default=5)  # of each call, in turns
     most: int = static(default=1_000_000)  # points in all repeats; where that is one of them, the first call is timed
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 def package() -> Any | None:

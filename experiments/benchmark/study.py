@@ -32,7 +32,7 @@ from urbanjax.sim.scenarios import circulate
 from urbanjax.sim.scenarios.circulate import CirculateParams
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.world import WorldState
-from urbanjax.types import Command, as_arrays, pytree, static
+from urbanjax.types import SEED, Command, as_arrays, pytree, static
 
 Tick = Callable[[str], None]
 
@@ -55,7 +55,7 @@ class BenchStudy(LoopParams):
     candidates: CandidateStudy = CandidateStudy(sweep=(20,))  # of `few`: no further sizes
     divergence: DivergenceSpeedStudy = DivergenceSpeedStudy()
     precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 def scene(study: BenchStudy) -> tuple[Course, LaneTables, Scenario]:

@@ -23,7 +23,7 @@ from urbanjax.planning.frenet_sampling.fan import generate
 from urbanjax.planning.frenet_sampling.limits import FrenetLimits
 from urbanjax.planning.frenet_sampling.line import ReferenceLine, reference_line
 from urbanjax.planning.frenet_sampling.motion import EndGrid, FrenetState
-from urbanjax.types import ConfigError, Unread, as_arrays, pytree, static
+from urbanjax.types import SEED, ConfigError, Unread, as_arrays, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -55,7 +55,7 @@ class CandidateStudy:
     at_once: int = static(default=0)  # how many scenarios run together; 0: one on a CPU, all elsewhere
     repeats: int = static(default=20)  # blocks of five of each call, taken in turns
     batch_repeats: int = static(default=3)
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 def grid(shape: tuple[int, ...]) -> EndGrid:

@@ -23,6 +23,7 @@ from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
 from urbanjax.types import (
     POSITIVE,
+    SEED,
     ConfigError,
     Observation,
     Odometry,
@@ -78,7 +79,7 @@ class WorldParams:
     mapping: MappingParams = MappingParams()
     # m of the course that are mapped and driven, 0 for all of it
     stretch: float = field(default=0.0, metadata={"range": (0.0, 1e5)})
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 def build(

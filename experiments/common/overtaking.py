@@ -21,7 +21,7 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.world import WorldState
-from urbanjax.types import POSITIVE, SHARE, Unread, as_arrays, field, host_record, pytree, static
+from urbanjax.types import POSITIVE, SEED, SHARE, Unread, as_arrays, field, host_record, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 NO_CLAMP = 1e-6  # s, a least time to collision that never matters
@@ -42,7 +42,7 @@ class OvertakeStudy(LoopParams):
     taus: tuple[float, ...] = field(default=(0.0, 0.25, 0.5, 0.75, 1.0), metadata=SHARE)
     duration: float = static(default=20.0, metadata=POSITIVE)  # s
     starts: int = static(default=64)
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
     gif_every: int = static(default=2, metadata={"range": (0, 1000)})  # steps between the pictures, 0 for none
 
 

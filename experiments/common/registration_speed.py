@@ -13,7 +13,7 @@ from experiments.common import timing
 from urbanjax import registration
 from urbanjax.registration import AlignParams, MapParams, PreprocessParams
 from urbanjax.registration.downsample import DownsampleParams
-from urbanjax.types import as_arrays, pytree, static
+from urbanjax.types import SEED, as_arrays, pytree, static
 
 
 @pytree
@@ -27,7 +27,7 @@ class RegistrationStudy:
     starts: int = static(default=64)  # around the truth
     threads: int = static(default=2)  # of small_gicp
     repeats: int = static(default=20)
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 def street(n: int, seed: int) -> np.ndarray:

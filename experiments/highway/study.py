@@ -11,7 +11,7 @@ from urbanjax.io.bridges.highway.environment import FREQUENCY, check_drivable, o
 from urbanjax.io.bridges.highway.episode import Episode, Idm, drive
 from urbanjax.io.bridges.highway.measure import time_to_collision
 from urbanjax.stack import StackParams
-from urbanjax.types import POSITIVE, Unread, pytree, static
+from urbanjax.types import POSITIVE, SEED, Unread, pytree, static
 
 STACK, IDM = "stack", "IDM"
 OURS = ("stack", "driver", "gif_every")  # what only drives of our stack depend on
@@ -30,7 +30,7 @@ class HighwayStudy:
     envs: tuple[str, ...] = static(default=("highway-v0", "merge-v1", "two-way-v0", "racetrack-v1"))
     drivers: tuple[str, ...] = static(default=(STACK, IDM), metadata={"choices": (STACK, IDM)})
     seeds: int = static(default=20)  # drives per environment and driver
-    seed: int = static(default=0)  # the first one
+    seed: int = static(default=0, metadata=SEED)  # the first one
     destination: str = static(default="")  # node of the road to drive to; none: where the environment sends its ego
     duration: float = static(default=40.0, metadata=POSITIVE)  # s, or the end of the road
     gif_every: int = static(default=5, metadata={"range": (0, 1000)})  # steps between pictures; 0: none

@@ -27,7 +27,7 @@ from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
 from urbanjax.sim.world import Sensing, SimParams
 from urbanjax.stack import StackInfo, StackParams
-from urbanjax.types import POSITIVE, SHARE, ConfigError, Unread, as_arrays, field, host_record, pytree, static
+from urbanjax.types import POSITIVE, SEED, SHARE, ConfigError, Unread, as_arrays, field, host_record, pytree, static
 
 SHIFT = -30.0  # m, of the straight road's stations to those of the link
 
@@ -48,7 +48,7 @@ class LoopStudy:
     link: int = static(default=82)  # on which the ego starts: the middle lane of three before straight H
     duration: float = static(default=20.0, metadata=POSITIVE)  # s
     starts: int = static(default=8, metadata={"range": (0, 1000)})
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 @host_record

@@ -7,7 +7,7 @@ from experiments.localize.faults import FaultParams
 from experiments.localize.loop import LoopStudy
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.relocalize import RelocalizeParams
-from urbanjax.types import POSITIVE, Unread, field, pytree, static
+from urbanjax.types import POSITIVE, SEED, Unread, field, pytree, static
 
 # What odometry on a folder has no use for, and what a map that is there already was made with.
 LOCALIZER = ("sliding", "align", "health", "drift", "start", "fallback")
@@ -42,4 +42,4 @@ class LocalizeStudy:
     map: str = static(default="", metadata={"path": True})  # a point-cloud map (npz) to use instead of making one
     folder: str = static(default="", metadata={"path": True})  # real scans to run odometry on, instead of the study
     poses: str = static(default="", metadata={"path": True})  # their true poses (KITTI format), if known
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)

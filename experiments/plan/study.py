@@ -27,6 +27,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.stack import StackParams
 from urbanjax.types import (
     POSITIVE,
+    SEED,
     ConfigError,
     Observation,
     Prediction,
@@ -56,7 +57,7 @@ class PlanStudy(LoopParams):
     corridor: CorridorParams = CorridorParams()
     time: float = field(default=2.0, metadata={"range": (0.0, 1e3)})  # s driven before
     temperature: float = field(default=2.0, metadata=POSITIVE)  # of the soft plan whose marginals are drawn
-    seed: int = static(default=3, metadata={"range": (0, 2**31)})  # of the overtaking scene
+    seed: int = static(default=3, metadata=SEED)  # of the overtaking scene
     file: str = static(default="", metadata={"path": True})  # a CommonRoad file with recorded traffic, instead
     ego: int = static(default=0, metadata={"range": (0, 2**31)})  # who is replaced there; 0: the first
 

@@ -18,7 +18,7 @@ from urbanjax.planning.lattice.course_lattice import CourseLattice, CourseLattic
 from urbanjax.planning.lattice.course_path import driven
 from urbanjax.planning.lattice.search import closed_search, layered_search
 from urbanjax.roadmap.corridor import CorridorParams
-from urbanjax.types import POSITIVE, ScenarioError, Unread, as_arrays, field, pytree, static
+from urbanjax.types import POSITIVE, SEED, ScenarioError, Unread, as_arrays, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
 BARRED = 1e6  # m, cost of an edge that is not there
@@ -43,7 +43,7 @@ class RacetrackStudy:
     bending: float = 2000.0  # m of way that 1/m of integral of squared curvature is worth; 0: the shortest lap
     temperature: float = field(default=1.0, metadata=POSITIVE)  # m of cost, of the soft twin
     file: str = static(default="", metadata={"path": True})  # a racetrack's CSV; without one, a track made up here
-    seed: int = static(default=0)  # of the direction in which the soft value is differentiated
+    seed: int = static(default=0, metadata=SEED)  # of the direction in which the soft value is differentiated
     runs: int = static(default=20, metadata={"range": (1, 1000)})  # per timing
 
 

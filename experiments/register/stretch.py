@@ -18,7 +18,7 @@ from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import Tour, TourParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
-from urbanjax.types import host_record, pytree, static
+from urbanjax.types import SEED, host_record, pytree, static
 
 DRIVEN = (39, 50)  # first and last link of the drive: two before intersection C, where it turns left, and two after
 MAPPED = (37, 53)  # one more on either side, as far as the sensor sees
@@ -34,7 +34,7 @@ class StretchParams:
     # NDT takes its covariances from the scatter of points: its map keeps more of them.
     fine: DownsampleParams = DownsampleParams(resolution=0.2, capacity=49152)
     fine_resolution: float = 0.1  # m, of its point-cloud map
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)
 
 
 @host_record

@@ -8,7 +8,7 @@ from experiments.register.pair import PairParams
 from experiments.register.rows import RowsParams
 from experiments.register.stretch import StretchParams
 from urbanjax.localization.lidar import LidarLocalizerParams
-from urbanjax.types import Unread, pytree, static
+from urbanjax.types import SEED, Unread, pytree, static
 
 # Parts of the localizer that nothing here is about.
 LOCATED = tuple(f"localizer.{name}" for name in ("odometry", "health", "drift", "start", "fallback"))
@@ -32,4 +32,4 @@ class RegisterStudy:
     pair: PairParams = PairParams()
     lost: float = 0.5  # m, planar error above which a pose is wrong
     neighbours: int = static(default=7, metadata={"choices": (1, 7, 27)})  # voxels that a point may belong to
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)

@@ -11,7 +11,7 @@ from urbanjax.traffic.course.sections import SectionParams
 from urbanjax.traffic.divergence.estimate import DivergenceParams
 from urbanjax.traffic.resampling import ResamplingParams
 from urbanjax.traffic.safety.measure import SafetyParams
-from urbanjax.types import Unread, field, pytree, static
+from urbanjax.types import SEED, Unread, field, pytree, static
 
 ANALYSES = ("teams", "platoons", "offset")
 BLOCKS = ("stations", "runs")
@@ -106,4 +106,4 @@ class TrafficStudy:
     safety: SafetyParams = SafetyParams()
     rollouts: OvertakeStudy = OvertakeStudy(starts=12, gif_every=0)
     offset: OffsetStudy = OffsetStudy()
-    seed: int = static(default=0)
+    seed: int = static(default=0, metadata=SEED)

@@ -112,6 +112,7 @@ BAD = {
     "negative count": ({"start": -1}, "at least 0"),
     "negative magnitude": ({"inner": {"gain": -0.1}}, "at least 0, not -0.1"),
     "out of range": ({"inner": {"share": 1.5}}, "between 0 and 1, not 1.5"),
+    "more than can be counted": ({"start": 10**23}, "'stack.start' must be at most 9007199254740992"),
     "half a size": ({"inner": {"steps": 1.5}}, "whole number"),
     "empty grid": ({"grid": []}, "'stack.grid' must not be empty"),
     "number for a grid": ({"grid": 1.0}, "must be a list"),

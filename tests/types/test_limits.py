@@ -11,6 +11,7 @@ from urbanjax.registration import MapParams
 from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.traffic.course.sections import SectionParams
 from urbanjax.traffic.divergence.estimate import DivergenceParams
+from urbanjax.traffic.resampling import ResamplingParams
 from urbanjax.types import ConfigError, as_arrays, field, pytree
 
 MISTAKES = {
@@ -25,6 +26,15 @@ MISTAKES = {
     "one of a batch": (lambda: GVPParams(tau=np.array([0.5, 2.0])), "GVPParams.tau is 2.0: it must be between 0 and 1"),
     "zero": (lambda: LoopParams(period=0), "LoopParams.period is 0: it must be positive"),
     "share": (lambda: OvertakeParams(crowded=1.5), "OvertakeParams.crowded is 1.5: it must be between 0 and 1"),
+    "text for a number": (lambda: LoopParams(period="x"), "LoopParams.period is 'x': it must be a number"),
+    "number for a record": (lambda: LoopParams(vehicle=3), "LoopParams.vehicle is 3: it must be a VehicleParams"),
+    "another record": (lambda: LoopParams(stack=GVPParams()), "LoopParams.stack is GVP.*: it must be a StackParams"),
+    "text for a count": (lambda: ResamplingParams(draws="x"), "draws is 'x': it must be a whole number"),
+    "no count": (lambda: ResamplingParams(draws=None), "draws is None: it must be a whole number"),
+    "number for a tuple": (lambda: DivergenceParams(ks=5), "ks is 5: it must be a tuple"),
+    "texts in a tuple": (lambda: DivergenceParams(ks=("x",)), "ks is .*: it must be a tuple, of which each is a whole"),
+    "choice of no kind": (lambda: DivergenceParams(form=[]), r"form is \[\]: use one of .*"),
+    "open range": (lambda: ResamplingParams(level=0.0), "level is 0.0: it must be above 0 and below 1"),
     "greater": (lambda: SectionParams(window=0.0), "SectionParams.window is 0.0: it must be between 0.1 and 10000"),
 }
 
@@ -58,6 +68,7 @@ def test_what_jax_puts_in_the_place_of_values_is_not_looked_at():
     away = jax.tree.map(lambda leaf: -10.0 * leaf, params)
     assert away.period == -1.0
     assert GVPParams(tau=None).tau is None
+    assert LoopParams(vehicle=None, period=sentinel, stack=sentinel).stack is sentinel
 
 
 def test_traced_and_batched_values_pass():
@@ -76,3 +87,9 @@ def test_leaves_are_named_by_their_fields():
     paths = {jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(LoopParams())[0]}
     assert ".stack.behavior.gvp.tau" in paths
     assert ".sensor.pattern" not in paths
+
+
+@pytest.mark.parametrize(("tree", "dtype"), [("x", None), (GVPParams(), "x"), (GVPParams(), int), ({"a": {1}}, None)])
+def test_what_no_arrays_can_be_made_of(tree, dtype):
+    with pytest.raises(ConfigError, match="no number|dtype is .*: give one of floats"):
+        as_arrays(tree, dtype)

@@ -101,3 +101,8 @@ def test_a_group_that_was_none_is_filled_in_as_in_a_config():
     changed = urbanjax.with_values(Whole(), {"sparse.one.shift": 1.0, "sparse.other.shift": 2.0})
     assert changed == to_params(Whole, {"sparse": {"one": {"shift": 1.0}, "other": {"shift": 2.0}}})
     assert changed.sparse.other.gain == 3.0
+
+
+@pytest.mark.parametrize("value", [np.array(0.5), np.float32(0.5), jnp.float32(0.5)])
+def test_a_scalar_array_is_a_number(value):
+    assert urbanjax.with_values(LoopParams(), {"stack.behavior.gvp.tau": value}).stack.behavior.gvp.tau == 0.5

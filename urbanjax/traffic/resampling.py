@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.types import field, pytree, static
+from urbanjax.types import INSIDE, field, pytree, static
 
 Statistic = Callable[[Any], tuple[Any, Any]]
 
@@ -23,7 +23,7 @@ class ResamplingParams:
 
     draws: int = static(default=100, metadata={"range": (2, 10_000)})
     blocks: int = static(default=40, metadata={"range": (2, 10_000)})  # of consecutive samples, kept or left together
-    level: float = field(default=0.95, metadata={"range": (0.0, 1.0)})  # nominal coverage
+    level: float = field(default=0.95, metadata=INSIDE)  # nominal coverage
 
 
 @pytree

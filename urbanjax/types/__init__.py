@@ -9,7 +9,7 @@ from urbanjax.types.errors import (
     ScenarioError,
     UrbanJaxError,
 )
-from urbanjax.types.limits import POSITIVE, SHARE
+from urbanjax.types.limits import INSIDE, POSITIVE, SEED, SHARE
 from urbanjax.types.objects import Objects, Prediction, RoadUser
 from urbanjax.types.observation import LaneOffset, Observation
 from urbanjax.types.path import Path
@@ -23,7 +23,9 @@ from urbanjax.types.values import batched_values, with_values
 
 __all__ = [
     "HANDED_DOWN",
+    "INSIDE",
     "POSITIVE",
+    "SEED",
     "SHARE",
     "CloudError",
     "Command",

@@ -16,6 +16,7 @@ from urbanjax.types.errors import ConfigError
 from urbanjax.types.limits import FieldLimits, instead, limits_of
 
 T = TypeVar("T")
+MOST = 2**53  # of a whole number that says nothing of its range
 FORBIDDEN = "_target_"  # a config names values, never code
 
 
@@ -185,6 +186,7 @@ def _scalar(default: Any, value: Any, key: str, limits: FieldLimits) -> Any:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if isinstance(default, int):
         _expect(number and float(value).is_integer(), value, key, "a whole number")
+        _expect(value <= MOST, value, key, f"at most {MOST}")
         value = int(value)
     elif isinstance(default, float):
         _expect(number and math.isfinite(value), value, key, "a finite number")

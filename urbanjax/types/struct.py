@@ -10,6 +10,8 @@ import jax
 import jax.numpy as jnp
 
 from urbanjax.types import limits
+from urbanjax.types.arguments import short
+from urbanjax.types.errors import ConfigError
 from urbanjax.types.fields_doc import FieldsDoc
 
 T = TypeVar("T")
@@ -108,12 +110,28 @@ def as_arrays(tree: T, dtype: Any = None) -> T:
     """`tree` with every Python or array float cast to one strong float dtype.
 
     Called once at the edge, so that a weakly typed Python float never compiles a second program.
-    Args: tree, any pytree; dtype, float dtype (default: the current default float).
+    Args: tree, any pytree; dtype, float dtype (default: the current default float). Raises ConfigError for a leaf that
+    is no number and a dtype that is none of floats.
     """
-    dtype = jnp.zeros(()).dtype if dtype is None else dtype
+    dtype = jnp.zeros(()).dtype if dtype is None else _float_dtype(dtype)
 
     def cast(leaf: Any) -> Any:
+        if isinstance(leaf, str | bytes) or getattr(getattr(leaf, "dtype", None), "kind", "f") in "OUS":
+            raise ConfigError(f"tree holds {short(leaf)}, which is no number: give params, or arrays")
         is_float = isinstance(leaf, float) or (hasattr(leaf, "dtype") and jnp.issubdtype(leaf.dtype, jnp.floating))
         return jnp.asarray(leaf, dtype) if is_float else jnp.asarray(leaf)
 
-    return jax.tree.map(cast, tree)
+    try:
+        return jax.tree.map(cast, tree)
+    except TypeError as error:
+        raise ConfigError(f"tree is a {type(tree).__name__} with leaves that are no numbers: give params") from error
+
+
+def _float_dtype(dtype: Any) -> Any:
+    try:
+        known = jnp.dtype(dtype)
+    except TypeError:
+        known = jnp.dtype(int)
+    if not jnp.issubdtype(known, jnp.floating):
+        raise ConfigError(f"dtype is {short(dtype)}: give one of floats, such as jnp.float32, for no float is cut off")
+    return known

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from urbanjax.types.arguments import traced
 from urbanjax.types.config import check_keys, plain, stated, updated
 from urbanjax.types.errors import ConfigError
 
@@ -24,8 +25,11 @@ def with_values(params: T, values: Mapping[str, Any]) -> T:
     {"stack.planning.micro.weights.obstacle": 2.0}.
     """
     _check(params, values)
+    if traced(values):
+        raise ConfigError("values are traced: give numbers outside jit, or `params.replace` inside it")
     nested: dict[str, Any] = {}
-    for key, value in values.items():
+    for key, given in values.items():
+        value = given.item() if isinstance(given, np.ndarray | np.generic | jax.Array) and not np.ndim(given) else given
         *groups, name = key.split(".")
         place = nested
         for group in groups:
