@@ -6,7 +6,8 @@ from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.roadmap.corridor import Corridor, CorridorParams, corridor_along, sized
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.route import RouteParams, route_between
-from urbanjax.types import as_arrays, pytree
+from urbanjax.types import RouteError, as_arrays, pytree
+from urbanjax.types.arguments import kind
 
 
 @pytree
@@ -30,10 +31,13 @@ def course_between(
 ) -> Course:
     """The course along the cheapest route from link `start` to link `goal`, for a caller outside jit.
 
-    Raises RouteError, naming the links, where there is no route. Args: graph, the road graph; start and goal, links;
-    via, links to visit in between, in order; laps, how often that circuit is driven; route, sizes and costs of the
-    search; corridor, how the lanes around the route are sampled; its sizes are enlarged to hold the whole route.
+    Raises RouteError, naming the links, where there is no route, and for arguments of another kind. Args: graph, the
+    road graph; start and goal, links; via, links to visit in between, in order; laps, how often that circuit is driven;
+    route, sizes and costs of the search; corridor, how the lanes around the route are sampled; its sizes are enlarged
+    to hold the whole route.
     """
+    if corridor is not None:
+        kind(corridor, "corridor", wanted=CorridorParams, error=RouteError)
     found = route_between(graph, start, goal=goal, via=via, laps=laps, params=route)
     params = as_arrays(sized(graph, found, params=corridor or CorridorParams()))
     return Course(graph, _extend(graph, found, params=params))

@@ -9,14 +9,14 @@ from jax import Array
 
 from urbanjax.course import Course
 from urbanjax.sim import log, world
-from urbanjax.sim.checks import check_start
+from urbanjax.sim.checks import check_drive, check_start
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
 from urbanjax.sim.world import HARD, Sensing, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import HANDED_DOWN, POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
-from urbanjax.types.arguments import kind, whole
+from urbanjax.types.arguments import kind, kinds, short, whole
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -108,14 +108,14 @@ def rollout(
     (`sim.lanes.from_graph`); start, the world; n_steps, steps of the driver; keep, what is kept of the info
     of each step; sensing, for a stack that localizes itself from scans.
     """
-    for name, given, wanted in (
-        ("params", params, LoopParams),
-        ("course", course, Course),
-        ("lanes", lanes, LaneTables),
-        ("start", start, WorldState),
-    ):
-        kind(given, name, wanted=wanted, error=ScenarioError)
+    parts = {"course": (course, Course), "lanes": (lanes, LaneTables), "start": (start, WorldState)}
+    kinds({"params": (params, LoopParams), **parts}, error=ScenarioError)
+    if not callable(keep):
+        raise ScenarioError(f"keep is {short(keep)}: give a function of the info of a step (default: rollout.trace)")
+    if sensing is not None:
+        kind(sensing, "sensing", wanted=Sensing, error=ScenarioError)
     check_start(lanes.graph, course.corridor, world=start)
+    check_drive(start, params.vehicle, params=(params.period, params.vehicle, params.stack))
     whole(n_steps, "n_steps", error=ScenarioError, least=1)
     now = begin(params, course, start=start)
     _, kept = go_on(params, course, lanes=lanes, now=now, n_steps=n_steps, keep=keep, sensing=sensing)

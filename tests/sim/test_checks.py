@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.scenes import loop_params
-from urbanjax import registration
+from urbanjax import course, registration
 from urbanjax.course import course_between
 from urbanjax.roadmap.builders import straight
 from urbanjax.rollout import rollout
@@ -14,8 +14,8 @@ from urbanjax.sim import lanes
 from urbanjax.sim.checks import check_start
 from urbanjax.sim.recording import Recording
 from urbanjax.sim.replay import Replay
-from urbanjax.sim.scenarios import overtake
-from urbanjax.types import CloudError, ScenarioError, as_arrays
+from urbanjax.sim.scenarios import follow, overtake
+from urbanjax.types import CloudError, RoadError, RouteError, ScenarioError, as_arrays
 
 
 @pytest.fixture(scope="module")
@@ -49,17 +49,69 @@ BAD = {
         lambda s: s.replace(replay=replay(position=jnp.ones((3, 5, 2)))),
         r"replay.position has the shape \(3, 5, 2\).*T times by V",
     ),
+    "backwards": (lambda s: with_ego(s, speed=jnp.asarray(-3.0)), "speed is -3 m/s: .* between 0 and 40"),
+    "too fast": (lambda s: with_ego(s, speed=jnp.asarray(500.0)), "speed is 500 m/s"),
     "one length": (lambda s: s.replace(replay=replay(length=jnp.ones(()))), r"replay.length has the shape \(\)"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_a_start_that_cannot_be(run, name):
-    params, course, tables, start = run
+    params, way, tables, start = run
     change, message = BAD[name]
     with pytest.raises(ScenarioError, match=message) as caught:
-        rollout(params, course, tables, change(start), 2)
+        rollout(params, way, tables, change(start), 2)
     assert "\n" not in str(caught.value)
+
+
+MISTAKES = {
+    "graph": ({"graph": None}, "graph is a NoneType: give a RoadGraph"),
+    "around a graph": ({"graph": "course"}, "graph is a Course: give a RoadGraph, here its .graph"),
+    "start": ({"start": "a"}, "start link 'a' is not in the road graph"),
+    "half": ({"start": 0.5}, "start link 0.5 is not"),
+    "goal": ({"goal": None}, "goal link None is not"),
+    "list": ({"goal": [0]}, r"goal link \[0\] is not"),
+    "via": ({"via": 3}, "via is 3: give a tuple of links"),
+    "text": ({"via": ("x",)}, "via link 'x' is not"),
+    "laps": ({"laps": 1.5}, "laps is 1.5: it must be a whole number"),
+    "many": ({"laps": 10**9}, "laps is 1000000000: it must be a whole number, between 1 and"),
+    "route": ({"route": 3}, "route params is a int: give a RouteParams"),
+    "corridor": ({"corridor": "x"}, "corridor is a str: give a CorridorParams"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_course_that_cannot_be(run, name, monkeypatch):
+    monkeypatch.setattr(course, "route_between", course.route_between.__wrapped__)
+    change, message = MISTAKES[name]
+    given = {"graph": run[1].graph, "start": 1, "goal": 1, **change}
+    given["graph"] = run[1] if given["graph"] == "course" else given["graph"]
+    with pytest.raises(RouteError, match=message) as caught:
+        course_between.__wrapped__(given.pop("graph"), given.pop("start"), **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_drive(run):
+    params = run[0]
+    batch = params.replace(vehicle=jax.tree.map(lambda x: jnp.stack([x, x]), params.vehicle))
+    with pytest.raises(ScenarioError, match="params hold a batch"):
+        rollout(batch, *run[1:], 2)
+    for more, message in (({"keep": 3}, "keep is 3: give a function"), ({"sensing": "x"}, "sensing is a str: give")):
+        with pytest.raises(ScenarioError, match=message):
+            rollout.__wrapped__(*run, 2, **more)
+    for wrong in (None, 3):
+        with pytest.raises(RoadError, match=r"graph is a .*: give a RoadGraph"):
+            lanes.from_graph.__wrapped__(wrong)
+    with pytest.raises(RoadError, match=r"here its \.graph"):
+        lanes.from_graph.__wrapped__(run[1])
+
+
+@pytest.mark.parametrize("family", [overtake, follow])
+def test_what_no_start_can_be_drawn_from(family):
+    with pytest.raises(ScenarioError, match="params is a NoneType: give a"):
+        family.road.__wrapped__(None)
+    with pytest.raises(ScenarioError, match="key is a NoneType: give a"):
+        family.sample.__wrapped__(None, None, vehicle=None, others=None)
 
 
 def test_no_steps(run):
@@ -68,9 +120,9 @@ def test_no_steps(run):
 
 
 def test_a_start_far_from_its_route(run):
-    _params, course, tables, start = run
+    _params, way, tables, start = run
     astray = with_ego(start, position=jnp.array([250.0, 0.0]))
-    far = course.corridor.replace(valid=course.corridor.station < 100.0)
+    far = way.corridor.replace(valid=way.corridor.station < 100.0)
     with pytest.raises(ScenarioError, match="from the course's route"):
         check_start(tables.graph, far, world=astray)
 

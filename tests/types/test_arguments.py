@@ -6,8 +6,10 @@ import pytest
 from urbanjax import with_values
 from urbanjax.io import clouds, logs, maps
 from urbanjax.rollout import LoopParams, rollout
+from urbanjax.stack import StackParams
 from urbanjax.types import ConfigError, FileError, ScenarioError
 from urbanjax.types.arguments import array, kind, number, whole
+from urbanjax.vehicle.params import VehicleParams
 
 
 @pytest.mark.parametrize("value", [0, -1.0, float("nan"), float("inf"), "1", None, True, [1.0], 1j])
@@ -23,13 +25,22 @@ def test_numbers():
     for value in (0, 2.5, "3", True, None):
         with pytest.raises(ScenarioError, match=r"n is .*: it must be a whole number, at least 1"):
             whole(value, "n", error=ScenarioError, least=1)
+    assert whole(np.array(3), "n", error=ConfigError, least=1, most=3) == 3
+    with pytest.raises(ScenarioError, match="n is 4: it must be a whole number, between 1 and 3"):
+        whole(4, "n", error=ScenarioError, least=1, most=3)
 
 
 def test_arrays_and_kinds():
     assert array([[1, 2]], "p", error=ConfigError).dtype == float
-    for value in ("text", [1j], [[1], [1, 2]], None, {}):
+    for value in ("text", [1j], [[1], [1, 2]], None, {}, [True]):
         with pytest.raises(ConfigError, match=r"p: .* is no array of real numbers"):
             array(value, "p", error=ConfigError)
+    with pytest.raises(ConfigError, match="p: some of it is masked"):
+        array(np.ma.masked_array([1.0, 2.0], [False, True]), "p", error=ConfigError)
+    assert array(np.ma.masked_array([1.0, 2.0]), "p", error=ConfigError).tolist() == [1.0, 2.0]
+    stack = StackParams(vehicle=VehicleParams())
+    with pytest.raises(ScenarioError, match=r"params is a StackParams: give a VehicleParams, here its \.vehicle"):
+        kind(stack, "params", wanted=VehicleParams, error=ScenarioError)
     with pytest.raises(ScenarioError, match="start is a int: give a str or float"):
         kind(3, "start", wanted=(str, float), error=ScenarioError)
 

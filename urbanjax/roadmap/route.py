@@ -11,6 +11,7 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.moves import COSTS, SEARCHES, RouteParams, link_costs
 from urbanjax.roadmap.tracing import Route, Trip, entry_of, itinerary_to, trace
 from urbanjax.types import RouteError, Status
+from urbanjax.types.arguments import kind, short, whole
 
 __all__ = [
     "COSTS",
@@ -92,13 +93,24 @@ def route_between(
     Args: graph, the road graph; start and goal, links; via, links to visit in between, in order; laps, how often that
     circuit is driven; blocked [L], links that cannot be driven.
     """
+    kind(graph, "graph", wanted=RoadGraph, error=RouteError)
     params = RouteParams() if params is None else params
+    kind(params, "route params", wanted=RouteParams, error=RouteError)
     valid = np.asarray(graph.valid)
-    for name, link in (("start", start), *(("via", link) for link in via), ("goal", goal)):
-        if not 0 <= link < len(valid) or not valid[link]:
-            raise RouteError(f"{name} link {link} is not in the road graph: choose one of 0..{valid.sum() - 1}")
-    if laps < 1:
-        raise RouteError(f"laps is {laps}: use 1 or more")
+    if not isinstance(via, tuple | list):
+        raise RouteError(f"via is {short(via)}: give a tuple of links, () for none")
+    links = []
+    for name, given in (("start", start), *(("via", link) for link in via), ("goal", goal)):
+        try:
+            link = whole(given, name, error=RouteError, least=0, most=len(valid) - 1)
+        except RouteError:
+            link = -1
+        if link < 0 or not valid[link]:
+            raise RouteError(f"{name} link {short(given)} is not in the road graph: choose one of 0..{valid.sum() - 1}")
+        links.append(link)
+    start, *between, goal = links
+    via = tuple(between)
+    laps = whole(laps, "laps", error=RouteError, least=1, most=params.n_links)
     if not (params.change_length >= 0 and params.change_time >= 0):
         raise RouteError(f"lane-change penalties are {params.change_length} m, {params.change_time} s: use 0 or more")
     if blocked is not None and (blocked.shape != valid.shape or blocked.dtype != bool):

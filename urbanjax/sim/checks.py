@@ -1,5 +1,8 @@
 """What a run is begun with, checked once before it is compiled: shapes always, values where they are known."""
 
+from typing import Any
+
+import jax
 import numpy as np
 
 from urbanjax.roadmap.corridor import Corridor
@@ -8,8 +11,10 @@ from urbanjax.sim.replay import Replay
 from urbanjax.sim.world import WorldState
 from urbanjax.types import ScenarioError
 from urbanjax.types.arguments import traced
+from urbanjax.vehicle.params import VehicleParams
 
 FARTHEST = 15.0  # m from the nearest lane's centre, beyond which the ego is not on the road
+ROUNDING = 1e-3  # m/s
 ASTRAY = 50.0  # m from its route, beyond which the ego cannot be meant to drive there
 
 
@@ -51,6 +56,26 @@ def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> N
         raise ScenarioError(
             f"start.ego.position is {astray:.0f} m from the course's route: begin near it, or plan anew"
         )
+
+
+def check_drive(world: WorldState, vehicle: VehicleParams, *, params: Any) -> None:
+    """Raise ScenarioError for a speed that the vehicle cannot have at the start, and for params of several drives.
+
+    Values are looked at outside jit, vmap and grad only. Args: world, at the start; vehicle, the ego; params, of which
+    one set is needed.
+    """
+    check_one(params)
+    speed, fastest = world.ego.speed, vehicle.max_speed
+    if not traced(speed, fastest) and not 0 <= float(speed) <= float(fastest) + ROUNDING:
+        raise ScenarioError(
+            f"start.ego.speed is {float(speed):g} m/s: params.vehicle drives between 0 and {float(fastest):g} m/s"
+        )
+
+
+def check_one(params: Any) -> None:
+    """Raise ScenarioError for params of several drives. Args: params, of which every leaf is to be one number."""
+    if any(np.ndim(leaf) for leaf in jax.tree.leaves(params)):
+        raise ScenarioError("params hold a batch: drive one set at a time, or vmap urbanjax.rollout over them")
 
 
 def _check_replay(replay: Replay | None) -> None:

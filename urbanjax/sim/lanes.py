@@ -12,7 +12,8 @@ from urbanjax.geometry.polyline import Projection
 from urbanjax.numerics import polynomial
 from urbanjax.roadmap.edges import road_edges
 from urbanjax.roadmap.graph import RoadGraph, RoadType
-from urbanjax.types import pytree, static
+from urbanjax.types import RoadError, pytree, static
+from urbanjax.types.arguments import kind, whole
 
 # Columns of the table.
 X, Y, HEADING, LEFT_STATION, LEFT_DISTANCE, RIGHT_STATION, RIGHT_DISTANCE = range(7)
@@ -38,6 +39,8 @@ class LaneTables:
 
 def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
     """The simulator's tables of a road graph; done once, outside jit. Args: graph; n_points, per link."""
+    kind(graph, "graph", wanted=RoadGraph, error=RoadError)
+    n_points = whole(n_points, "n_points", error=RoadError, least=2)
     lanes = _tables(graph, road_edges(graph), n_points=n_points)
     entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
     return lanes.replace(has_conflicts=bool(jnp.any(lanes.has_rival) | jnp.any(entered_twice)))

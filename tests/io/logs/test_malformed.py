@@ -12,7 +12,7 @@ import pytest
 from tests.io.logs import formats
 from tests.io.logs.formats import F1, LONG, OPENACC, csv_text, drive, form, write
 from urbanjax.io import files, logs
-from urbanjax.io.logs import LogError, csv_table, parquet_table, reader
+from urbanjax.io.logs import Columns, LogError, LogFormat, Units, csv_table, parquet_table, reader
 from urbanjax.types import ConfigError
 
 PLAIN = {"columns": {"time": "time", "x": "x", "y": "y", "speed": "speed"}}
@@ -119,6 +119,38 @@ def test_files_that_are_not_there_or_are_too_large_are_refused(tmp_path, monkeyp
 def test_a_pattern_and_a_list_name_each_file_once(tmp_path):
     paths = [write(tmp_path, GOOD, f"{name}.csv") for name in ("b", "a")]
     assert [log.run for log in logs.read([paths[0], tmp_path / "*.csv"], form(PLAIN))] == ["b", "a"]
+
+
+MADE = {
+    "columns": (lambda: LogFormat(columns=3), "LogFormat.columns is 3: it must be a Columns"),
+    "dict": (lambda: LogFormat(columns={}), "LogFormat.columns is .*: it must be a Columns"),
+    "no columns": (lambda: LogFormat(columns=None), "'columns' is a NoneType: give a Columns"),
+    "units": (lambda: LogFormat(units="m"), "LogFormat.units is 'm': it must be a Units"),
+    "column": (lambda: LogFormat(columns=Columns(speed=3)), "Columns.speed is 3: it must be a text"),
+    "delimiter": (lambda: LogFormat(delimiter=None), "LogFormat.delimiter is None: it must be a text"),
+    "preamble": (lambda: LogFormat(preamble=1.5), "LogFormat.preamble is 1.5: it must be a whole number"),
+    "path": (lambda: LogFormat(path=3), "LogFormat.path is 3: it must be a text"),
+    "records": (lambda: LogFormat(records=["tel"]), "LogFormat.records is .*: it must be a text"),
+    "factor": (lambda: LogFormat(speed_factor="x"), "LogFormat.speed_factor is 'x': it must be a number"),
+    "no factor": (lambda: LogFormat(speed_factor=None), "LogFormat.speed_factor is None: it must be a number"),
+    "choice": (lambda: LogFormat(not_finite=[]), r"LogFormat.not_finite is \[\]: use one of error, drop"),
+    "layout": (lambda: LogFormat(layout=[]), r"LogFormat.layout is \[\]: use one of single"),
+    "switch": (lambda: LogFormat(units=Units(compass="x")), "Units.compass is 'x': it must be true or false"),
+    "x twice": (lambda: LogFormat(columns=Columns(x="x", y="x")), "'columns.x' and 'columns.y' are both 'x'"),
+    "time as x": (lambda: LogFormat(columns=Columns(time="x")), "'columns.time' and 'columns.x' are both 'x'"),
+    "y as time": (lambda: LogFormat(columns=Columns(y="time")), "'columns.time' and 'columns.y' are both 'time'"),
+    "vehicle": (lambda: LogFormat(columns=Columns(vehicle="x")), "'columns.x' and 'columns.vehicle' are both 'x'"),
+    "single": (lambda: LogFormat(columns=Columns(vehicle="id")), "'columns.vehicle' is read in the long layout only"),
+}
+
+
+@pytest.mark.parametrize("case", MADE)
+def test_what_is_no_format_is_refused(case):
+    make, message = MADE[case]
+    bare = reader.check.__wrapped__  # past the suite's own check of types
+    with pytest.raises((LogError, ConfigError), match=message) as caught:
+        bare(make())
+    assert "\n" not in str(caught.value)
 
 
 def test_formats_made_in_code_are_checked(tmp_path):

@@ -210,12 +210,15 @@ def test_arrays_become_a_log_or_are_refused():
         logs.from_arrays("ego", time, position=position, speed=speed[1:])
 
 
-def test_a_heading_in_another_unit_or_sense_is_noted(tmp_path):
+def test_a_heading_in_another_unit_or_sense_is_refused_and_one_that_is_neither_noted(tmp_path):
     columns = formats.long(60)
     path = write(tmp_path, csv_text(columns), "log.csv")
     for log in logs.read(path, form(LONG)):
         assert log.report.notes == ()
-    for units in ({"compass": False}, {"heading": "rad"}):
-        for log in logs.read(path, form(LONG, units={**LONG["units"], **units})):
-            assert len(log.report.notes) == 1
-            assert "heading" in log.report.notes[0]
+    for units, message in (({"compass": False}, "units.compass=true"), ({"heading": "rad"}, "units.heading=deg")):
+        with pytest.raises(LogError, match=f"column 'psi': the stated heading of .* looks like {message}"):
+            logs.read(path, form(LONG, units={**LONG["units"], **units}))
+    columns["psi"] = [angle + 180 for angle in columns["psi"]]
+    for log in logs.read(write(tmp_path, csv_text(columns), "log.csv"), form(LONG)):
+        assert len(log.report.notes) == 1
+        assert "heading" in log.report.notes[0]

@@ -9,6 +9,7 @@ from tests.io.maps import texts
 from tests.scenes import loop_params
 from urbanjax.evaluation import evaluate, score, tracks
 from urbanjax.io import figures, maps
+from urbanjax.sim import log as sim_log
 from urbanjax.types import FileError, RouteError, ScenarioError, UrbanJaxError
 from urbanjax.vehicle.params import VehicleParams
 
@@ -96,6 +97,32 @@ def test_other_params_are_checked_as_the_scenes_own_are(driven):
     batch = scene.params.replace(vehicle=jax.tree.map(lambda x: jnp.stack([x, x]), scene.params.vehicle))
     with pytest.raises(ScenarioError, match="params hold a batch"):
         scene.drive(batch)
+
+
+def test_what_is_no_log_of_the_drive(road, driven, monkeypatch):
+    monkeypatch.setitem(maps.Scene.reached.__wrapped__.__globals__, "check", sim_log.check.__wrapped__)
+    scene = maps.scene(road, problem=np.int64(0))
+    log = driven[1]
+    unknown = log.replace(ego=log.ego.replace(speed=log.ego.speed * np.nan))
+    batch, empty = jax.tree.map(lambda x: np.stack([x, x]), log), jax.tree.map(lambda x: x[:0], log)
+    for wrong, message in (
+        (None, "log is a NoneType"),
+        (3, "log is a int"),
+        (batch, "one run"),
+        (empty, "two steps or more"),
+        (unknown, "not finite"),
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            maps.Scene.reached.__wrapped__(scene, wrong)
+
+
+def test_what_no_scene_can_be_of(road, driven):
+    with pytest.raises(ScenarioError, match=r"'duration' is 1e\+09 s, and a drive may last 10000 s"):
+        maps.scene(road, lane=2, duration=1e9)
+    batch = driven[0].params.vehicle
+    params = loop_params().replace(vehicle=jax.tree.map(lambda x: jnp.stack([x, x]), batch))
+    with pytest.raises(ScenarioError, match="params hold a batch"):
+        maps.scene(road, params=params)
 
 
 def test_from_lane_to_lane(road):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from urbanjax.io.logs.format import LogFormat, fitting
+from urbanjax.io.logs.format import ANGLE, LogFormat, fitting
 from urbanjax.io.logs.record import LogError, VehicleLog
 
 WINDOW = 1.0  # s over which speeds are compared
@@ -12,6 +12,7 @@ TYPICAL = 0.9  # quantile of distances that a moving vehicle's are held against
 MOVING = 0.3  # of the 90 % quantile of distances: windows with less do not count
 ASTRAY = 0.5  # rad, of a heading from the way, of which a note is made
 ANY_WAY = 1e-6  # m in a window: less is rounding
+AGREES = 0.2  # rad, of a heading in another unit or sense from the way, up to which it must be that
 FAR_ENOUGH = 1.0  # m in a window, from which its direction counts
 FEWEST = 3  # windows that a median says something of
 QUARTERS, WINDOWS = 4, 5  # parts of a log that are looked at one by one; windows that it has at least
@@ -22,9 +23,10 @@ def compared(log: VehicleLog, form: LogFormat, *, column: str) -> VehicleLog:
     """The log with the ratio of its stated speed to that of its positions, and notes of what does not agree.
 
     Args: log, with its speed and heading as stated; form, the file's format; column of the speed, for messages. Raises
-    LogError where the ratio is off by more than the format's factor, with the units that would fit.
+    LogError where the ratio is off by more than the format's factor, or the heading from the way and not if it were in
+    another unit or sense, with the settings that would fit.
     """
-    notes = [*log.report.notes, *_astray(log)]
+    notes = [*log.report.notes, *_astray(log, form)]
     ratio = float("nan")
     if log.speed is not None:
         at, ratios = speed_ratios(log)
@@ -83,8 +85,8 @@ def speed_ratios(log: VehicleLog) -> tuple[np.ndarray, np.ndarray]:
     return (at[:-1][moving], way[moving] / distance[moving]) if moving.sum() >= FEWEST else none
 
 
-def _astray(log: VehicleLog) -> list[str]:
-    """A note where the stated heading is not that of the way, as in another unit or counted otherwise."""
+def _astray(log: VehicleLog, form: LogFormat) -> list[str]:
+    """A note where the stated heading is not that of the way; an error where it is in another unit or sense."""
     if log.heading is None:
         return []
     size = _size(log)
@@ -94,10 +96,29 @@ def _astray(log: VehicleLog) -> list[str]:
     moving = np.isfinite(log.heading[(first + last) // 2]) & (distance > FAR_ENOUGH)
     if moving.sum() < FEWEST:
         return []
-    off = log.heading[(first + last) // 2] - np.arctan2(way[:, 1], way[:, 0])
-    angle = float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))[moving]))
-    astray = f"the stated heading is {angle:.2f} rad from the way (median): see units.heading and units.compass"
-    return [astray] if angle > ASTRAY else []
+    ahead = np.arctan2(way[:, 1], way[:, 0])[moving]
+    heading = log.heading[(first + last) // 2][moving]
+    angle = _apart(heading, ahead)
+    if angle <= ASTRAY:
+        return []
+    as_stated = (np.pi / 2 - heading if form.units.compass else heading) / ANGLE[form.units.heading]
+    for unit, scale in ANGLE.items():
+        for compass in (form.units.compass, not form.units.compass):
+            turned = np.pi / 2 - as_stated * scale if compass else as_stated * scale
+            if _apart(turned, ahead) <= AGREES:
+                settings = [f"units.heading={unit}"] if unit != form.units.heading else []
+                settings += [f"units.compass={str(compass).lower()}"] if compass != form.units.compass else []
+                raise LogError(
+                    f"{log.source}: column {form.columns.heading!r}: the stated heading of {log.name} is {angle:.2f} "
+                    f"rad from its way (median); it looks like {' and '.join(settings)}"
+                )
+    return [f"the stated heading is {angle:.2f} rad from the way (median): see units.heading and units.compass"]
+
+
+def _apart(heading: np.ndarray, ahead: np.ndarray) -> float:
+    """Median angle between two directions [w], rad."""
+    off = heading - ahead
+    return float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))))
 
 
 def _size(log: VehicleLog) -> int:

@@ -7,12 +7,15 @@ from typing import Any
 
 from urbanjax.io.logs.record import LogError
 from urbanjax.types import pytree, static
+from urbanjax.types.arguments import kind
 
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 LENGTH = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "km": 1000.0, "ft": 0.3048, "mi": 1609.344}
 SPEED = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704, "kn": 1852 / 3600, "ft/s": 0.3048, "cm/s": 0.01, "mm/s": 1e-3}
 ANGLE = {"rad": 1.0, "deg": math.pi / 180}
 UNITS: dict[str, dict[str, float]] = {"time": TIME, "position": LENGTH, "speed": SPEED, "heading": ANGLE}
+ROLES = ("time", "x", "y", "speed", "heading")  # of columns that hold numbers
+NAMES = ("vehicle", "team", "run")  # and of those that hold names
 LAYOUTS = ("single", "long", "wide")
 
 
@@ -74,11 +77,25 @@ def check(form: LogFormat) -> None:
 
     Args: form, a file's format.
     """
+    kind(form.columns, "format: 'columns'", wanted=Columns, error=LogError)
+    kind(form.units, "format: 'units'", wanted=Units, error=LogError)
     if len(form.delimiter) != 1 or form.delimiter in '"\r\n' or not form.delimiter.isascii():
         raise LogError(f"format: 'delimiter' must be one character, not {form.delimiter!r}")
     for name in ("time", "x", "y"):
         if not getattr(form.columns, name):
             raise LogError(f"format: 'columns.{name}' is empty; every log has time and position")
+    taken: dict[str, str] = {}
+    for role in (*ROLES, *NAMES):
+        name = getattr(form.columns, role)
+        other = taken.setdefault(name, role) if name else role
+        if other != role and not {other, role} <= {*NAMES}:
+            raise LogError(f"format: 'columns.{other}' and 'columns.{role}' are both {name!r}: each needs its own")
+    told = [role for role in NAMES if getattr(form.columns, role)]
+    if told and form.layout != "long":
+        raise LogError(
+            f"format: 'columns.{told[0]}' is read in the long layout only: set layout=long, or leave it out ('path' "
+            "names the vehicle of a file)"
+        )
     if form.layout == "long" and not form.columns.vehicle:
         raise LogError("format: 'columns.vehicle' is empty; in the long layout a column names the vehicle")
     if form.layout == "wide" and not all("{i}" in getattr(form.columns, name) for name in ("x", "y")):

@@ -13,7 +13,7 @@ from urbanjax.io.logs import cells as cell
 from urbanjax.io.logs import csv_table, json_table, parquet_table
 from urbanjax.io.logs.agreement import compared
 from urbanjax.io.logs.checks import Samples, cleaned
-from urbanjax.io.logs.format import LogFormat, check
+from urbanjax.io.logs.format import NAMES, ROLES, LogFormat, check
 from urbanjax.io.logs.record import LogError, VehicleLog, path_text
 from urbanjax.io.logs.table import LogTable
 from urbanjax.types import FileError
@@ -26,7 +26,6 @@ LOADERS: dict[str, Callable[..., LogTable]] = {  # of path, data and form
     ".json": json_table.load,
     ".parquet": parquet_table.load,
 }
-ROLES = ("time", "x", "y", "speed", "heading")
 
 
 class Part(NamedTuple):
@@ -138,7 +137,7 @@ def _single(table: LogTable, form: LogFormat) -> Iterator[Part]:
 def _long(table: LogTable, form: LogFormat) -> Iterator[Part]:
     """One part per vehicle, team and run, in the order in which they first appear."""
     columns = {role: name for role in ROLES if (name := getattr(form.columns, role))}
-    keys = {role: name for role in ("vehicle", "team", "run") if (name := getattr(form.columns, role))}
+    keys = {role: name for role in NAMES if (name := getattr(form.columns, role))}
     found, rows = table.cells([*columns.values(), *keys.values()])
     told = [cell.names(found[name], _where(table, rows, name)) for name in keys.values()]
     groups: dict[tuple[str, ...], list[int]] = {}

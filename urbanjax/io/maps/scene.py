@@ -21,8 +21,9 @@ from urbanjax.roadmap.corridor import CorridorParams, corridor_along, sized
 from urbanjax.roadmap.route import RouteParams, route_between
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
+from urbanjax.sim.checks import check_one
 from urbanjax.sim.lanes import LaneTables
-from urbanjax.sim.log import Log
+from urbanjax.sim.log import Log, check
 from urbanjax.sim.recording import record
 from urbanjax.sim.world import WorldState
 from urbanjax.types import ConfigError, RouteError, ScenarioError, as_arrays, host_record
@@ -30,6 +31,7 @@ from urbanjax.types.arguments import kind, number
 
 DURATION = 20.0  # s, of a drive that nothing else ends
 LINKS = 256  # of a route between two lanes
+MOST_STEPS = 100_000  # of a drive
 SHOWN = 12  # names in a message
 
 
@@ -65,12 +67,14 @@ class Scene:
     def _checked(self, params: LoopParams) -> LoopParams:
         """The params as arrays. Raises as `scene` does for those of another kind, of a batch or at another period."""
         kind(params, "params", wanted=LoopParams, error=ConfigError)
-        if any(np.ndim(leaf) for leaf in jax.tree.leaves((params.period, params.vehicle, params.stack))):
-            raise ScenarioError("params hold a batch: drive one set at a time, or vmap urbanjax.rollout over them")
         return as_arrays(_loop(self.map, params))
 
     def reached(self, log: Log) -> bool | None:
-        """Whether a goal of the planning problem holds at some step; None where there is no goal. Args: log [T]."""
+        """Whether a goal of the planning problem holds at some step; None where there is no goal.
+
+        Raises ScenarioError for what is no log of one run. Args: log [T].
+        """
+        check(log)
         if not self.ego.goals:
             return None
         path = np.column_stack([log.centre, log.ego.heading])
@@ -81,7 +85,7 @@ class Scene:
 def scene(
     map: RoadMap | str | Path,
     *,
-    problem: int | None = None,
+    problem: int | np.integer | None = None,
     vehicle: Hashable | None = None,
     lane: Hashable | None = None,
     goal: Hashable | None = None,
@@ -95,7 +99,8 @@ def scene(
     standing. Args: map, as read, or its file; problem, its place in the file from 0 or its id; vehicle, id of a
     recorded one that the stack drives in the place of; lane, id of one to start on, and goal, of one to reach (default:
     on along the lane); duration [s] (default: of the record, to the latest goal, or 20); params, of the loop (default:
-    at the recording's period). Raises ScenarioError for what the map does not have, RouteError where there is no way.
+    at the recording's period). After the record none of its road users is there. Raises ScenarioError for what the map
+    does not have, RouteError where there is no way.
     """
     found = map if isinstance(map, RoadMap) else read(map)
     if params is not None:
@@ -114,9 +119,7 @@ def scene(
         start = _of_vehicle(found, vehicle)
     else:
         start = _of_problem(found, 0 if problem is None else problem, period)
-    n_steps = start.steps if duration is None else round(duration / period) + 1
-    if n_steps < 2:
-        raise ScenarioError(f"scene: a drive of {n_steps} steps of {period} s; give a longer 'duration'")
+    n_steps = start.steps if duration is None else _steps(duration, period)
     own = scenes.vehicle_of(start, loop.vehicle)
     how = as_arrays(sized(found.graph, start.route, params=CorridorParams()))
     replay = None if found.recording is None else scenes.replay_without(found.recording, start.index)
@@ -148,9 +151,21 @@ def _program() -> Any:
 _extend = jax.jit(corridor_along)
 
 
+def _steps(duration: float, period: float) -> int:
+    """Steps of a drive of that duration. Raises ScenarioError where there are fewer than two, or more than can be."""
+    if duration > MOST_STEPS * period:
+        raise ScenarioError(f"scene: 'duration' is {duration:g} s, and a drive may last {MOST_STEPS * period:g} s")
+    n_steps = round(duration / period) + 1
+    if n_steps < 2:
+        raise ScenarioError(f"scene: a drive of {n_steps} steps of {period} s; give a longer 'duration'")
+    return n_steps
+
+
 def _loop(found: RoadMap, params: LoopParams | None) -> LoopParams:
     """The loop at the recording's period. Raises ScenarioError where it has another one."""
     recorded = None if found.recording is None else float(found.recording.dt)
+    if params is not None:
+        check_one((params.period, params.vehicle, params.stack))
     if params is None:
         return LoopParams() if recorded is None else LoopParams(period=recorded)
     if recorded is not None and abs(float(params.period) - recorded) > 1e-6:
@@ -181,7 +196,7 @@ def _of_problem(found: RoadMap, problem: Any, period: float) -> EgoStart:
     if not names:
         other = "'lane'" if found.recording is None else "'vehicle' or 'lane'"
         raise ScenarioError(f"{found.path}: holds no planning problem; give {other}")
-    by_place = isinstance(problem, int) and not isinstance(problem, bool) and 0 <= problem < len(names)
+    by_place = isinstance(problem, int | np.integer) and not isinstance(problem, bool) and 0 <= problem < len(names)
     if not by_place and str(problem) not in names:
         raise ScenarioError(f"{found.path}: no planning problem is {problem!r}; there are {_listed(names)}")
     task = found.problems[problem if by_place else names.index(str(problem))]

@@ -13,7 +13,8 @@ from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.scenarios.scenario import Scenario, traffic
 from urbanjax.sim.signals import alternating
 from urbanjax.sim.world import WorldState
-from urbanjax.types import POSITIVE, VehicleState, field, pytree, static
+from urbanjax.types import POSITIVE, ScenarioError, VehicleState, field, pytree, static
+from urbanjax.types.arguments import kinds
 
 START_SHARE = 0.6  # of the wanted speed, at which vehicles start
 NEVER = 2.0  # above all random numbers, for places that are not to be chosen
@@ -45,6 +46,8 @@ def sample(key: Array, params: CirculateParams, *, others: TrafficParams, lanes:
     No vehicle starts inside a junction, or within one spacing of the ego. Args: key, of chance; others, how
     traffic drives; lanes, the simulator's tables of the road.
     """
+    told = {"others": (others, TrafficParams), "lanes": (lanes, LaneTables)}
+    kinds({"key": (key, Array), "params": (params, CirculateParams), **told}, error=ScenarioError)
     keys = jax.random.split(key, 4)
     link = jnp.asarray(params.ego_link, jnp.int32)
     start = roads.at(lanes, link[None], station=jnp.asarray(params.ego_station)[None])[0]

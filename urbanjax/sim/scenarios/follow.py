@@ -9,7 +9,8 @@ from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.types import SHARE, field, pytree, static
+from urbanjax.types import SHARE, ScenarioError, field, pytree, static
+from urbanjax.types.arguments import kind, kinds
 from urbanjax.vehicle.params import VehicleParams
 
 LANE = 0  # the only link
@@ -34,6 +35,7 @@ class FollowParams:
 
 def road(params: FollowParams) -> RoadGraph:
     """The road: one lane along y = 0."""
+    kind(params, "params", wanted=FollowParams, error=ScenarioError)
     return straight(1, params.length, style=RoadStyle(lane_width=params.lane_width, speed_limit=params.speed_limit))
 
 
@@ -42,6 +44,8 @@ def sample(key: Array, params: FollowParams, *, vehicle: VehicleParams, others: 
 
     Args: key, of chance; vehicle, the ego's dimensions; others, how traffic drives.
     """
+    told = {"vehicle": (vehicle, VehicleParams), "others": (others, TrafficParams)}
+    kinds({"key": (key, Array), "params": (params, FollowParams), **told}, error=ScenarioError)
     keys = jax.random.split(key, 5)
 
     def draw(i: int, limits: tuple[float | Array, float | Array]) -> Array:

@@ -9,7 +9,8 @@ from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios.scenario import Scenario, ego_at, traffic, world
-from urbanjax.types import SHARE, field, pytree, static
+from urbanjax.types import SHARE, ScenarioError, field, pytree, static
+from urbanjax.types.arguments import kind, kinds
 from urbanjax.vehicle.params import VehicleParams
 
 LEFT, RIGHT = 0, 1  # links of the road
@@ -37,6 +38,7 @@ class OvertakeParams:
 
 def road(params: OvertakeParams) -> RoadGraph:
     """The road: link 0 is the left lane, link 1 the right one, whose centre is y = 0."""
+    kind(params, "params", wanted=OvertakeParams, error=ScenarioError)
     return straight(2, params.length, style=RoadStyle(lane_width=params.lane_width, speed_limit=params.speed_limit))
 
 
@@ -46,6 +48,8 @@ def sample(key: Array, params: OvertakeParams, *, vehicle: VehicleParams, others
     Equal keys give equal starts, whatever drives the ego. Args: key, of chance; vehicle, the ego's dimensions; others,
     how traffic drives.
     """
+    told = {"vehicle": (vehicle, VehicleParams), "others": (others, TrafficParams)}
+    kinds({"key": (key, Array), "params": (params, OvertakeParams), **told}, error=ScenarioError)
     keys = jax.random.split(key, 7)
 
     def draw(i: int, limits: tuple[float | Array, float | Array]) -> Array:
