@@ -158,7 +158,7 @@ def test_nothing_in_common_is_a_value(pair, align_jit, build_jit):
         params=as_arrays(AlignParams()),
     )
     assert float(lost.inliers) == 0
-    assert Status(int(lost.status)) is Status.NOT_CONVERGED
+    assert Status(int(lost.status)) is Status.NO_PAIRS
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(lost) if leaf.dtype != bool)
     empty = align_jit(
         source.replace(valid=jnp.zeros_like(source.valid)), world, start=START(), params=as_arrays(AlignParams())

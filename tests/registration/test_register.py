@@ -75,7 +75,8 @@ def test_scans_that_share_nothing_have_failed(scans):
     start = np.eye(4)
     start[:3, 3] = [500.0, 0.0, 0.0]
     lost = register(source, target, resolution=2.0, start=start)
-    assert (lost.status, lost.converged, lost.inlier_share) == (Status.NOT_CONVERGED, False, 0)
+    assert (lost.status, lost.converged, lost.inlier_share) == (Status.NO_PAIRS, False, 0)
+    assert "no point of the source" in lost.status.message
     assert np.sqrt(np.diag(lost.covariance)).min() > 0.02
 
 
@@ -106,6 +107,7 @@ def reflected():
         ({"start": np.full((4, 4), np.nan)}, ConfigError, "start is no pose: it must be finite"),
         ({"start": "here"}, ConfigError, "start: str is no array"),
         ({"params": 3}, ConfigError, "params is a int: give a AlignParams"),
+        ({"capacity": 10**12}, ConfigError, "capacity is 1000000000000: it must be a whole number, between 64 and"),
         ({"capacity": 0}, ConfigError, "capacity is 0: it must be a whole number"),
     ],
 )

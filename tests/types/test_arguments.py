@@ -52,6 +52,22 @@ def test_what_is_no_path(reader, path):
         getattr(reader, "__wrapped__", reader)(path)
 
 
+@pytest.mark.parametrize("reader", [maps.read, clouds.read, logs.read])
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [("", "is no name of a file: it is empty"), ("a\0b.ply", "zero byte"), ("x" * 400 + ".csv", "404 characters")],
+)
+def test_what_no_file_is_called(reader, path, message):
+    with pytest.raises(FileError, match=message):
+        reader(path)
+
+
+@pytest.mark.parametrize("reader", [maps.read, clouds.read, logs.read])
+def test_a_folder_is_no_file(reader, tmp_path):
+    with pytest.raises(FileError, match="is a folder"):
+        reader(tmp_path)
+
+
 def test_what_is_no_params_or_no_values():
     bare = with_values.__wrapped__
     with pytest.raises(ConfigError, match="params is a int"):

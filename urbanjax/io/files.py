@@ -7,14 +7,34 @@ from typing import Any
 from urbanjax.types import FileError
 from urbanjax.types.arguments import short
 
+LONGEST_NAME, LONGEST_PATH = 255, 4000  # bytes of a name, and of a path with its folders
 LARGEST = 512 * 2**20  # bytes
 
 
 def path_of(path: Any) -> Path:
-    """The path. Raises FileError for what is none. Args: path, as given."""
+    """The path. Raises FileError for what is none, whatever stands there. Args: path, as given."""
     if not isinstance(path, str | os.PathLike) or isinstance(os.fspath(path), bytes):
         raise FileError(f"{short(path)} is no path of a file: give a text or a Path")
-    return Path(path)
+    text = os.fspath(path)
+    if not text or "\0" in text:
+        raise FileError(f"{short(text)} is no name of a file: it {'holds a zero byte' if text else 'is empty'}")
+    if max(map(_size, Path(text).parts), default=0) > LONGEST_NAME or _size(text) > LONGEST_PATH:
+        raise FileError(
+            f"{short(text)} is no name of a file: it has {len(text)} characters, more than any name may have"
+        )
+    return Path(text)
+
+
+def file_of(path: Any) -> Path:
+    """The path of a file to read. Raises FileError for what is none, and for a folder. Args: path, as given."""
+    found = path_of(path)
+    if found.is_dir():
+        raise FileError(f"{found}: is a folder: name a file in it")
+    return found
+
+
+def _size(text: str) -> int:
+    return len(os.fsencode(text))
 
 
 def content(path: Path) -> bytes:

@@ -62,7 +62,8 @@ class Alignment:
     @property
     def status(self) -> Array:
         """[] int32, a Status."""
-        return jnp.where(self.converged, int(Status.OK), int(Status.NOT_CONVERGED))
+        failed = jnp.where(self.inlier_share > 0, int(Status.NOT_CONVERGED), int(Status.NO_PAIRS))
+        return jnp.where(self.converged, int(Status.OK), failed)
 
 
 def align(

@@ -23,6 +23,7 @@ THINNING = 4  # points along the edge of a voxel of the map
 SIZES = 4  # sizes in an octave: similar clouds share one compiled program
 LEAST = 64  # points, the smallest size, and what a registration needs
 EDGE = 16  # voxels, of which a window's edge is a multiple
+MOST = 2**24  # points of a scan that places are kept for
 LARGEST = 2**26  # voxels of a window
 FARTHEST = 1e7  # m from the origin of a scan
 # Two single scans are no survey: sweeps are bent by motion, and voxels cut surfaces differently. On a real pair the
@@ -48,7 +49,7 @@ class Registration:
 
     @property
     def status(self) -> Status:
-        """OK or NOT_CONVERGED, with a message."""
+        """OK, NOT_CONVERGED or NO_PAIRS, with a message."""
         return Status(int(self.alignment.status))
 
     def mahalanobis(self, T_target_source: Any) -> float:
@@ -89,7 +90,7 @@ def register(
     if method not in METHODS:
         raise ConfigError(f"method is {short(method)}: use one of {', '.join(METHODS)}")
     if capacity is not None:
-        capacity = whole(capacity, "capacity", error=ConfigError, least=LEAST)
+        capacity = whole(capacity, "capacity", error=ConfigError, least=LEAST, most=MOST)
     if params is not None:
         kind(params, "params", wanted=AlignParams, error=ConfigError)
     resolution = number(resolution, "resolution", error=ConfigError)

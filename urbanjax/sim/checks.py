@@ -43,8 +43,7 @@ def check_start(graph: RoadGraph, corridor: Corridor, *, world: WorldState) -> N
     if not 0 <= int(world.ego_link) < len(valid) or not valid[int(world.ego_link)]:
         raise ScenarioError(f"start.ego_link is {int(world.ego_link)}: the graph has {int(valid.sum())} links")
     position = np.asarray(ego.position, float)
-    lines = np.asarray(graph.centre, float)[valid]
-    away = _distance(position, lines[:, :-1].reshape(-1, 2), lines[:, 1:].reshape(-1, 2))
+    away = off_lanes(graph, position)
     if away > FARTHEST:
         raise ScenarioError(
             f"start.ego.position {position.round(1).tolist()} is {away:.0f} m from the nearest lane's centre: begin on "
@@ -70,6 +69,12 @@ def check_drive(world: WorldState, vehicle: VehicleParams, *, params: Any) -> No
         raise ScenarioError(
             f"start.ego.speed is {float(speed):g} m/s: params.vehicle drives between 0 and {float(fastest):g} m/s"
         )
+
+
+def off_lanes(graph: RoadGraph, position: np.ndarray) -> float:
+    """Distance [m] of a place to the nearest lane's centre. Args: graph, the road graph; position [2] m."""
+    lines = np.asarray(graph.centre, float)[np.asarray(graph.valid)]
+    return _distance(position, lines[:, :-1].reshape(-1, 2), lines[:, 1:].reshape(-1, 2))
 
 
 def check_one(params: Any) -> None:

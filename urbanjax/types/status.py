@@ -18,6 +18,7 @@ class Status(enum.IntEnum):
     UNREACHABLE = 1, "the goal cannot be reached from the start by links and permitted lane changes"
     TOO_LONG = 2, "the route has more links than the table holds that was made for it"
     NOT_CONVERGED = 3, "the iterations ended before the steps became small"
+    NO_PAIRS = 4, "no point of the source found a place in the target nearby: begin nearer, or raise resolution"
 
 
 class Decision(enum.IntEnum):

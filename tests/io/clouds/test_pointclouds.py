@@ -61,6 +61,14 @@ def test_a_named_array_of_an_archive(tmp_path):
     assert len(pointclouds.read(tmp_path / "two.npz", "b")) == 3
     with pytest.raises(FileError, match="has no array 'xyz' among a, b"):
         pointclouds.read(tmp_path / "two.npz")
+    np.savez(tmp_path / "one.npz", a=POINTS)
+    assert len(pointclouds.read(tmp_path / "one.npz")) == 20
+    with pytest.raises(FileError, match="has no array 'zzz' among a"):
+        pointclouds.read(tmp_path / "one.npz", "zzz")
+    for wrong in (POINTS > 0, POINTS * 1j):
+        np.savez(tmp_path / "wrong.npz", xyz=wrong)
+        with pytest.raises(FileError, match=r"wrong.npz: 'xyz': ndarray is no array of real numbers"):
+            pointclouds.read(tmp_path / "wrong.npz")
 
 
 BAD = {
@@ -88,6 +96,10 @@ BAD = {
     "x twice": ("scan.ply", ply("binary_little_endian", table("<"), columns=("x", "x", "y", "z")), "'x' twice"),
     "a nameless element": ("scan.ply", ply("ascii", b"").replace(b"end_header", b"element\nend_header"), "20 rows"),
     "not finite": ("scan.bin", np.full(8, np.nan, "<f4").tobytes(), "2 points are not finite"),
+    "no points": ("scan.pcd", pcd("binary", b"", points=0), "holds no points"),
+    "WIDTH": ("scan.pcd", pcd("binary", table("<")).replace(b"WIDTH 20", b"WIDTH x"), "WIDTH or HEIGHT is 'x'"),
+    "HEIGHT": ("scan.pcd", pcd("binary", table("<")).replace(b"WIDTH 20", b"WIDTH 3"), "WIDTH 3 times HEIGHT 1 is not"),
+    "no scan": ("scan.bin", b"this is text, no scan, at all!!!" * 2, r"holds a coordinate of .* m, beyond 1e\+07"),
     "no archive": ("scan.npz", b"PK but no more", "no npz file"),
 }
 
@@ -124,5 +136,5 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
 
 def test_a_folder_is_no_file(tmp_path):
     (tmp_path / "scans.bin").mkdir()
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="is a folder: name a file in it"):
         pointclouds.read(tmp_path / "scans.bin")

@@ -85,6 +85,8 @@ def nested(depth):
         (b"not xml", "no well-formed XML"),
         (b"<net/>", "holds no lane"),
         (b"<html/>", "<html>: no map"),
+        (b"<OpenDRIVE/>", "OpenDRIVE is not read: convert it"),
+        (b"{}", "a map is a CommonRoad, Lanelet2 or SUMO file, or a track's .csv"),
         (BOMB.encode() + b"<net>&c;</net>", "declares entities or a document type"),
         (b'<?xml version="1.0" encoding="nonsense"?><net/>', "encoding"),
         (b'<?xml version="1.0" encoding="utf-8"?><net a="\xff"/>', "no well-formed XML"),

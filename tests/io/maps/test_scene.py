@@ -9,6 +9,7 @@ from tests.io.maps import texts
 from tests.scenes import loop_params
 from urbanjax.evaluation import evaluate, score, tracks
 from urbanjax.io import figures, maps
+from urbanjax.roadmap.builders import straight
 from urbanjax.sim import log as sim_log
 from urbanjax.types import FileError, RouteError, ScenarioError, UrbanJaxError
 from urbanjax.vehicle.params import VehicleParams
@@ -76,9 +77,19 @@ def test_a_path_that_no_picture_can_have_is_refused(driven, tmp_path):
         (tmp_path, "no name"),
         (tmp_path / "x.doc", "no name"),
         (tmp_path / "no" / "x.png", "no folder"),
+        ("x" * 400, "400 characters"),
+        ("a\0b.png", "zero byte"),
+        ("/proc/x.png", "cannot be written"),
     ):
         with pytest.raises(FileError, match=message):
             figures.drive(log, scene, path=path)
+
+
+def test_a_map_of_another_place_is_refused(driven, tmp_path):
+    scattered = straight(1, 900.0)
+    scattered = scattered.replace(centre=scattered.centre + 300.0)
+    with pytest.raises(ScenarioError, match="give the map that was driven on"):
+        figures.drive(driven[1], scattered, path=tmp_path / "x.png")
 
 
 def test_everybody_is_named_and_the_ego_comes_first(driven):

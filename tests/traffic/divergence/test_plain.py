@@ -48,6 +48,12 @@ def test_repeated_samples_may_be_left_out_and_are_counted():
         (normal(100), {"k": 0}, "k is 0: it must be a whole number, at least 1"),
         (normal(100, seed=9), {}, "p and q hold the same samples"),
         (normal(100, 1.0), {"k": 2.5}, "k is 2.5: it must be a whole number"),
+        (np.zeros((0, 2)), {}, "p has no samples"),
+        (normal(100) > 0, {}, "p: ndarray is no array of real numbers"),
+        (normal(100) * 1e30, {}, r"p holds a coordinate of .*e\+30 m, beyond 1e\+09"),
+        (normal(100) * 1e200, {}, "p holds a coordinate of"),
+        (np.ma.masked_array(normal(100), normal(100) > 0), {}, "p: some of it is masked"),
+        (normal(100, 1.0), {"seed": 2**70}, "seed is .*: it must be a whole number, between 0 and 4294967295"),
         (normal(100, 1.0), {"resampling": 3}, "resampling is a int"),
     ],
 )

@@ -75,7 +75,16 @@ def _count(path: Path, header: dict[str, list[str]]) -> int:
     words = header.get("POINTS", [])
     if len(words) != 1 or not words[0].isdigit():
         raise FileError(f"{path}: its header does not say how many POINTS there are")
-    return int(words[0])
+    count = int(words[0])
+    if not count:
+        raise FileError(f"{path}: holds no points (POINTS 0)")
+    sizes = [header[name] for name in ("WIDTH", "HEIGHT") if name in header]
+    for words in sizes:
+        if len(words) != 1 or not words[0].isdigit():
+            raise FileError(f"{path}: its WIDTH or HEIGHT is {' '.join(words)[:40]!r}, which is no whole number")
+    if len(sizes) == 2 and int(sizes[0][0]) * int(sizes[1][0]) != count:
+        raise FileError(f"{path}: WIDTH {sizes[0][0]} times HEIGHT {sizes[1][0]} is not the {count} of POINTS")
+    return count
 
 
 def _enough(path: Path, have: int, need: int) -> None:

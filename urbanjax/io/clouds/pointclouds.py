@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from urbanjax.io.clouds.pcd import read_pcd
-from urbanjax.io.files import LARGEST, content, path_of
+from urbanjax.io.files import LARGEST, content, file_of
 from urbanjax.types import FileError
+from urbanjax.types.arguments import array as as_numbers
+from urbanjax.types.arguments import short
 
+FARTHEST = 1e7  # m from the origin, as of what `register` takes
 PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -17,13 +20,16 @@ PLY_TYPES = {
 }  # fmt: skip
 
 
-def read(path: str | Path, array: str = "xyz") -> np.ndarray:
+def read(path: str | Path, array: str | None = None) -> np.ndarray:
     """The points [N, 3] (m, float64) of a file, by its suffix: ply, pcd, bin (KITTI) or npz.
 
-    Args: path of the file; array, its name in an npz file. Raises FileError, naming the file, if it is missing, empty,
-    truncated, enormous or not what its suffix says, and if a coordinate is not finite.
+    Args: path of the file; array, its name in an npz file (default: xyz, or the only one). Raises FileError, naming the
+    file, if it is missing, empty, truncated, enormous or not what its suffix says, and if a coordinate is not finite or
+    too far from the origin.
     """
-    path = path_of(path)
+    path = file_of(path)
+    if array is not None and not isinstance(array, str):
+        raise FileError(f"{path}: array is {short(array)}: give the name of an array")
     if path.suffix.lower() not in READERS:
         raise FileError(f"{path}: no reader for '{path.suffix}'; use one of {', '.join(READERS)}")
     reader = READERS[path.suffix.lower()]
@@ -32,6 +38,11 @@ def read(path: str | Path, array: str = "xyz") -> np.ndarray:
         raise FileError(f"{path}: holds no points [N, 3], but an array of shape {points.shape}")
     if not np.isfinite(points).all():
         raise FileError(f"{path}: {int((~np.isfinite(points)).any(1).sum())} points are not finite; remove them")
+    if np.abs(points).max() > FARTHEST:
+        raise FileError(
+            f"{path}: holds a coordinate of {np.abs(points).max():.3g} m, beyond {FARTHEST:g}: it is no scan in "
+            "metres, or no such file"
+        )
     return points
 
 
@@ -46,20 +57,20 @@ def read_kitti(path: Path) -> np.ndarray:
     return np.frombuffer(data, "<f4").reshape(-1, 4)[:, :3].astype(float)
 
 
-def read_npz(path: Path, array: str = "xyz") -> np.ndarray:
-    """A named array, or the only one, of an npz file; leading axes are joined and empty returns (0, 0, 0) dropped.
+def read_npz(path: Path, array: str | None = None) -> np.ndarray:
+    """A named array of an npz file, else xyz or the only one; leading axes are joined, empty returns (0, 0, 0) dropped.
 
     Args: path of the file; array, its name.
     """
     try:
         with np.load(io.BytesIO(content(path)), allow_pickle=False) as archive:
             names = archive.files
-            name = array if array in names else names[0] if len(names) == 1 else None
-            if name is None:
-                raise FileError(f"{path}: has no array '{array}' among {', '.join(names)}")
+            name = array or ("xyz" if len(names) != 1 else names[0])
+            if name not in names:
+                raise FileError(f"{path}: has no array '{name}' among {', '.join(names)}")
             if archive.zip.getinfo(f"{name}.npy").file_size > LARGEST:
                 raise FileError(f"{path}: '{name}' unpacks to more than {LARGEST} bytes")
-            points = np.asarray(archive[name], float)
+            points = as_numbers(archive[name], f"{path}: '{name}'", error=FileError)
     except FileError:
         raise
     except Exception as error:

@@ -14,11 +14,14 @@ from urbanjax.io.files import path_of
 from urbanjax.io.maps import RoadMap, Scene
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.sim.checks import off_lanes
 from urbanjax.sim.log import Log
 from urbanjax.types import FileError, ScenarioError
 from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
+PLACES = 50  # along the way, that are looked up on the map
+ELSEWHERE = 5.0  # m (median), beyond which the way is not on the map
 MARGIN = 12.0  # m around the ego's way
 SUFFIXES = (".png", ".pdf", ".svg")
 WAY = "#b07d62"  # of others
@@ -39,7 +42,8 @@ def drive(
     The ego is green and coloured by speed along its way, red where it touches another vehicle or leaves the road;
     others are grey, with the ways that they went. Args: log [T], of one run; map, as read, its graph, or the scene that
     was driven; path of the picture (png, pdf or svg); vehicle, the ego's dimensions (default: the scene's, or the
-    standard ones). Raises ScenarioError for what is no log of one run, FileError for a path that no picture can have.
+    standard ones). Raises ScenarioError for what is no log of one run on that map, FileError for a path that no picture
+    can have.
     """
     vehicle = map.params.vehicle if vehicle is None and isinstance(map, Scene) else vehicle
     vehicle = metrics.checked(jax.tree.map(jnp.asarray, log) if isinstance(log, Log) else log, vehicle)
@@ -48,6 +52,7 @@ def drive(
     title = map.name if isinstance(map, Scene) else map.path.stem if isinstance(map, RoadMap) else "drive"
     graph = map.map.graph if isinstance(map, Scene) else map.graph if isinstance(map, RoadMap) else map
     target = _target(path)
+    _check_place(log, graph)
     low, high = log.centre.min(0) - MARGIN, log.centre.max(0) + MARGIN
     width, height = np.clip((high - low) * LONGEST / (high - low).max(), (6.5, 2.0), LONGEST)
     with figure(target, float(width) + 1.0, height=float(height) + 2.6) as canvas:
@@ -60,6 +65,17 @@ def drive(
         above.legend(loc="best", fontsize=7)
         _over_time([canvas.add_subplot(grid[1, k]) for k in range(3)], log, vehicle)
     return target
+
+
+def _check_place(log: Log, graph: RoadGraph) -> None:
+    """Raise ScenarioError where the ego is not as near to a lane of the graph as the log says."""
+    steps = np.unique(np.linspace(0, len(log.time) - 1, PLACES).astype(int))
+    away = [off_lanes(graph, np.asarray(log.centre[k], float)) - abs(float(log.offset[k])) for k in steps]
+    if np.median(away) > ELSEWHERE:
+        raise ScenarioError(
+            f"log: its way lies {np.median(away):.0f} m farther from the map's nearest lane than it says: give the map "
+            "that was driven on"
+        )
 
 
 def _target(path: str | Path) -> Path:

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from urbanjax.types import FileError
+
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
@@ -34,7 +36,7 @@ GOOD, BAD = "#2a7f62", "#c0392b"
 def figure(path: Path, width: float, *, height: float) -> Iterator[Any]:
     """A matplotlib figure of width x height inches in the house style, saved to `path` on leaving.
 
-    Args: path of the picture; width, height [inch].
+    Args: path of the picture; width, height [inch]. Raises FileError where it cannot be written.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -44,7 +46,10 @@ def figure(path: Path, width: float, *, height: float) -> Iterator[Any]:
         canvas = Figure(figsize=(width, height))
         FigureCanvasAgg(canvas)
         yield canvas
-        canvas.savefig(path)
+        try:
+            canvas.savefig(path)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def shades(count: int) -> list[tuple[float, float, float, float]]:

@@ -3,7 +3,7 @@
 import warnings
 from pathlib import Path
 
-from urbanjax.io.files import path_of
+from urbanjax.io.files import file_of
 from urbanjax.io.maps import commonroad, lanelet2, racetrack, sumo
 from urbanjax.io.maps.road import RoadMap
 from urbanjax.io.maps.xml import parse
@@ -24,10 +24,12 @@ def read(path: str | Path) -> RoadMap:
     Args: path of the file. Raises MapError, naming the file and the element, for what is no such map or a malformed
     one.
     """
-    path = path_of(path)
+    path = file_of(path)
     if path.suffix.lower() == ".csv":
         return racetrack.read(path)
     xml = parse(path)
+    if xml.root.tag == "OpenDRIVE":
+        raise xml.fail(xml.root, "OpenDRIVE is not read: convert it, say to SUMO's .net.xml (netconvert --opendrive)")
     if xml.root.tag not in READERS:
         raise xml.fail(xml.root, "no map: one begins with <commonRoad>, <osm> or <net>")
     found = READERS[xml.root.tag](xml)

@@ -139,7 +139,9 @@ def parse(path: str | Path) -> Xml:
         parser.feed(data)
         return Xml(path, parser.close())
     except ParseError as error:
-        raise MapError(f"{path}: no well-formed XML ({error})") from error
+        raise MapError(
+            f"{path}: no well-formed XML ({error}): a map is a CommonRoad, Lanelet2 or SUMO file, or a track's .csv"
+        ) from error
     except DefusedXmlException as error:
         raise MapError(f"{path}: declares entities or a document type, which no map needs") from error
     except (ValueError, LookupError) as error:

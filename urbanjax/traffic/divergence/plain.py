@@ -14,6 +14,7 @@ from urbanjax.types import as_arrays, pytree
 from urbanjax.types.arguments import array, kind, whole
 from urbanjax.types.errors import TrafficError
 
+FARTHEST = 1e9  # m, as of logs
 PAIR = ((0, 1),)
 
 
@@ -59,7 +60,10 @@ def kl_divergence(
     sides = [_checked(points, name) for name, points in (("p", p), ("q", q))]
     if sides[0].shape[1] != sides[1].shape[1]:
         raise TrafficError(f"p has {sides[0].shape[1]} columns and q {sides[1].shape[1]}: they must be as many")
-    k, seed = whole(k, "k", error=TrafficError, least=1), whole(seed, "seed", error=TrafficError, least=0)
+    k, seed = (
+        whole(k, "k", error=TrafficError, least=1),
+        whole(seed, "seed", error=TrafficError, least=0, most=2**32 - 1),
+    )
     params = DivergenceParams(ks=(k,), form=form, ties=ties)
     resampling = ResamplingParams() if resampling is None else resampling
     kind(resampling, "resampling", wanted=ResamplingParams, error=TrafficError)
@@ -122,6 +126,11 @@ def _checked(points: Any, name: str) -> np.ndarray:
     values = array(points, name, error=TrafficError)
     if values.ndim != 2 or not 1 <= values.shape[1] <= 3:
         raise TrafficError(f"{name} has the shape {values.shape}: positions [N, 2] are needed")
+    if not len(values):
+        raise TrafficError(f"{name} has no samples: positions [N, 2] are needed")
     if not np.isfinite(values).all():
         raise TrafficError(f"{name}: {int((~np.isfinite(values)).any(1).sum())} samples are not finite: leave them out")
+    extent = float(np.abs(values).max())
+    if extent > FARTHEST:
+        raise TrafficError(f"{name} holds a coordinate of {extent:.3g} m, beyond {FARTHEST:g}: correct it, or its unit")
     return values

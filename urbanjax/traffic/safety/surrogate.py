@@ -7,10 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.traffic.safety.measure import Safety, SafetyParams, measure
+from urbanjax.traffic.safety.plausible import check_units
 from urbanjax.types import Objects, as_arrays
 from urbanjax.types.arguments import array, kind, number, short
 from urbanjax.types.errors import TrafficError
 
+DTS = (1e-4, 60.0)  # s, between two samples
+WIDEST = 1.0  # m: people may be wider than long, vehicles are not
 _measure = jax.jit(measure)
 
 
@@ -32,7 +35,8 @@ def surrogate_safety(
     the heading; dt [s] between two times; size, length and width in m, each a number, [V] or
     [T, V]; valid [T, V], which vehicles are
     there (default: those that are finite); params, thresholds. Raises TrafficError for arrays of another shape, for
-    what is there and not finite, and for a dt or a size that is not positive.
+    what is there and not finite, for a dt or a size that cannot be, and where speed or heading contradict
+    the positions.
     """
     rows = {"position": position, "heading": heading, "speed": speed}
     given = {name: array(values, name, error=TrafficError) for name, values in rows.items()}
@@ -59,7 +63,12 @@ def surrogate_safety(
         raise TrafficError("no vehicle is there at any time: nothing is valid, or nothing is finite")
     if not isinstance(size, tuple | list) or len(size) != 2:
         raise TrafficError(f"size is {short(size)}: give two, the length and the width")
+    if not DTS[0] <= dt <= DTS[1]:
+        raise TrafficError(f"dt is {dt:g} s: samples of one scene are between {DTS[0]:g} and {DTS[1]:g} s apart")
     sizes = {name: _size(name, values, shape) for name, values in zip(("length", "width"), size, strict=True)}
+    if (sizes["width"] > sizes["length"]).all() and sizes["width"].max() > WIDEST:
+        raise TrafficError("size: each width is greater than the length; give the length first")
+    check_units(given["position"], given["heading"], speed=given["speed"], valid=there, dt=dt)
     # Float32 near the middle of all: map coordinates of many kilometres have no millimetres.
     middle = given["position"][there].mean(0)
     given["position"] = np.where(there[..., None], given["position"] - middle, 0)
