@@ -61,6 +61,14 @@ class LoopParams:
         return filled[0], filled[1]
 
 
+def steps_of(duration: float, period: float) -> int:
+    """Steps of a drive. Raises ConfigError where there are fewer than two. Args: duration, of it; period, of a step."""
+    count = round(duration / period)
+    if count < 2:
+        raise ConfigError(f"'duration' is {duration:g} s and 'period' {period:g} s: a drive has two steps or more")
+    return count
+
+
 @pytree
 class Trace:
     """What is kept of the stack's info at each step, or T of them stacked along the first axis."""

@@ -13,7 +13,7 @@ from urbanjax.evaluation import metrics
 from urbanjax.evaluation.metrics import Metrics
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import CorridorParams
-from urbanjax.rollout import LoopParams, rollout
+from urbanjax.rollout import LoopParams, rollout, steps_of
 from urbanjax.sim import lanes as tables
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
@@ -59,13 +59,13 @@ def scene(study: OvertakeStudy) -> tuple[Course, LaneTables, Scenario]:
 
 def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None) -> tuple["Fig10", dict[str, float]]:
     """All rollouts of the study, in one compiled program, and the seconds that it took to compile and to run."""
+    steps = steps_of(study.duration, study.period)
     course, lanes, starts = scene(study)
     loop = as_arrays(study.loop())
     clamp_time = loop.stack.behavior.gvp.clamp_time
     taus, clamps = as_arrays(jnp.asarray(study.taus)), jnp.stack([clamp_time, jnp.full_like(clamp_time, NO_CLAMP)])
     tick(f"compiling one program for {len(study.taus)} values of tau and {study.starts} starts")
     began = time.perf_counter()
-    steps = round(study.duration / study.period)
     program = jax.jit(_grid, static_argnames="n_steps", compiler_options=compiler_options())
     program = program.lower(loop, course, lanes, starts.world, taus, clamps, n_steps=steps).compile()
     compiled = time.perf_counter()

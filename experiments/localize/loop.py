@@ -18,7 +18,7 @@ from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.types import Health
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.graph import RoadGraph
-from urbanjax.rollout import LoopParams, rollout
+from urbanjax.rollout import LoopParams, rollout, steps_of
 from urbanjax.sim import lanes as tables
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
@@ -94,7 +94,7 @@ def drive(
     lanes = tables.from_graph(graph)
     taus = jnp.asarray(study.taus)
     tick(f"driving {taus.size * study.starts} rollouts on poses from scans")
-    steps = round(study.duration / float(loop.period))
+    steps = steps_of(study.duration, float(loop.period))
     program = jax.jit(_grid, static_argnames=("link", "starts", "n_steps"), compiler_options=compiler_options())
     key = jax.random.key(study.seed)
     position, estimate, health, progress, result = jax.device_get(

@@ -31,13 +31,15 @@ class RecordedStudy(LoopParams):
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
     folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
     egos: str = static(default="vehicles", metadata={"choices": EGOS})
-    files: tuple[str, ...] = static(default=NGSIM)  # names without .xml
+    files: tuple[str, ...] = static(default=NGSIM)  # names, with or without .xml
 
 
 def paths(study: RecordedStudy) -> list[Path]:
     """The files. Raises ConfigError, naming the first one that is missing."""
     folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded")
-    found = [folder / f"{name}.xml" for name in study.files]
+    if study.folder and not folder.is_dir():
+        raise ConfigError(f"'folder' is {study.folder!r}, which is no folder: name the one that holds the 'files'")
+    found = [folder / f"{name.removesuffix('.xml')}.xml" for name in study.files]
     for path in found:
         if not path.is_file():
             raise ConfigError(f"there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")

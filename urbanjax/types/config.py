@@ -186,7 +186,7 @@ def _scalar(default: Any, value: Any, key: str, limits: FieldLimits) -> Any:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if isinstance(default, int):
         _expect(number and float(value).is_integer(), value, key, "a whole number")
-        _expect(value <= MOST, value, key, f"at most {MOST}")
+        _expect(limits.bounds is not None or value <= MOST, value, key, f"at most {MOST}")
         value = int(value)
     elif isinstance(default, float):
         _expect(number and math.isfinite(value), value, key, "a finite number")

@@ -107,7 +107,11 @@ FAULTS = {
     "much width": (row(4, "1.0,2.0,3,1e5"), r"line 6, column 4 \(left\): a width of 100000.0 m"),
     "jump": (row(4, "9000,2.0,3,3"), "line 6, columns x and y: 8961 m from the point before"),
     "spike": (row(44, "-39.0,8.0,3,3"), r"line 4\d, columns x and y: the line turns on less than 2 m"),
-    "folded": (lambda lines: text(circle(left=300.0)).split("\n"), "column left: a width of 300 m on the inside of a be"),
+    "folded": (
+        lambda lines: text(circle(left=300.0)).split("\n"),
+        "column left: a width of 300 m on the inside of a be",
+    ),
+    "XML": (lambda lines: ["<commonRoad/>", *lines], "line 1: is XML, and a racetrack is a CSV"),
     "few points": (lambda lines: lines[:3], "line 3: 2 points, a track has 4 or more"),
     "one place": (lambda lines: [lines[0], *lines[1:2] * 9], "line 2: 1 different points"),
     "empty": (lambda lines: [], "line 1: 0 points"),

@@ -87,6 +87,10 @@ def test_a_run_ends_with_its_directory_and_manifest(home):
         ("seed=-1", "'seed' must be at least 0"),
         ("grid=[]", "must not be empty"),
         ("grid=[1", "no viable alternative"),
+        ("grid", "cannot read 'grid' on the command line: write KEY=VALUE such as 'grid=VALUE'"),
+        ("vehicle=[99]", "'vehicle' is a group of values, not [99]: set one of vehicle."),
+        ("preset=zzz", "there is no preset 'zzz': use one of fast, short, wrong"),
+        ("seed=99999999999999999999999", "'seed' must be at most 9007199254740992"),
         ("fail=true", "the scene is empty"),
     ],
 )

@@ -100,6 +100,8 @@ def parse(path: Path) -> Racetrack:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise MapError(f"{path}: line {line}: byte {data[error.start]:#04x} is no text: save it as UTF-8") from error
+    if text.lstrip().startswith("<"):
+        raise MapError(f"{path}: line 1: is XML, and a racetrack is a CSV of x, y and the widths to right and left")
     rows = [(k, row.strip()) for k, row in enumerate(text.splitlines(), 1)]
     data_rows = [(k, row) for k, row in rows if row and not row.startswith("#")]
     if len(data_rows) > MOST_ROWS:
@@ -209,8 +211,8 @@ def borders(path: Path, track: Racetrack) -> tuple[np.ndarray, np.ndarray]:
             k = int(np.argmax(folded))
             row = int(np.searchsorted(station, grid[k]).clip(0, len(track.line) - 1))
             raise MapError(
-                f"{path}: line {track.line[row]}, column {'left' if sign > 0 else 'right'}: a width of {given[k]:.0f} m "
-                f"on the inside of a bend of {1 / abs(curvature[k]):.0f} m radius: correct it, or its unit"
+                f"{path}: line {track.line[row]}, column {'left' if sign > 0 else 'right'}: a width of {given[k]:.0f} "
+                f"m on the inside of a bend of {1 / abs(curvature[k]):.0f} m radius: correct it, or its unit"
             )
         sides.append(np.minimum(given, INNER / np.maximum(sign * curvature, 1e-9)))
     middle, half = _within(sides[0], sides[1], track.closed)

@@ -15,6 +15,7 @@ from urbanjax.types import ConfigError, UrbanJaxError, unread
 from urbanjax.types import config as configs
 
 T = TypeVar("T")
+SHOWN = 12  # names in a message
 Body = Callable[[T, directory.Run], None]
 
 
@@ -36,7 +37,7 @@ def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[]
             except UrbanJaxError as error:
                 _stop(str(error))
             except Exception as error:
-                message = _hydra_message(error, tree)
+                message = _hydra_message(error, tree, folder)
                 if message is None:
                     raise
                 _stop(message)
@@ -116,7 +117,7 @@ def _source(values: dict[str, Any], params_class: type, runtime: Any) -> str:
     return next((os.path.relpath(file) for file in files if file.is_file()), "")
 
 
-def _hydra_message(error: Exception, tree: dict[str, Any]) -> str | None:
+def _hydra_message(error: Exception, tree: dict[str, Any], folder: Path) -> str | None:
     """One line for an error of Hydra or OmegaConf, None for any other error."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -128,6 +129,37 @@ def _hydra_message(error: Exception, tree: dict[str, Any]) -> str | None:
     if unknown:
         key = unknown.group(1)
         return f"unknown key '{key}' on the command line{configs.nearest(key, configs.keys(tree))}"
+    told = _override_message(error, lines, tree) or _preset_message(lines, folder)
+    if told:
+        return told
     cause = error.__cause__
     detail = str(cause).splitlines()[0] if isinstance(cause, OmegaConfBaseException) else ""
     return " ".join([*lines[:1], detail]).strip() or type(error).__name__
+
+
+def _override_message(error: Exception, lines: list[str], tree: dict[str, Any]) -> str | None:
+    """What is wrong with one argument of the command line, None where that is not what the error is about."""
+    from hydra.errors import OverrideParseException
+
+    if isinstance(error, OverrideParseException):
+        key = error.override.partition("=")[0]
+        known = f" such as '{key}=VALUE'" if key in set(configs.keys(tree)) else ""
+        how = "; what holds any of {}[],: needs quotes of its own, as in 'key=\"a{b\"'" if "=" in error.override else ""
+        return f"cannot read {error.override!r} on the command line: write KEY=VALUE{known}{how} ({lines[0]})"
+    merged = re.match(r"Error merging override ([^=]+)=(.*)", lines[0]) if lines else None
+    group: Any = tree
+    for name in merged.group(1).lstrip("+").split(".") if merged else ():
+        group = group.get(name) if isinstance(group, dict) else None
+    if merged and isinstance(group, dict) and group:
+        names = ", ".join(f"{merged.group(1)}.{name}" for name in list(group)[:SHOWN])
+        return f"'{merged.group(1)}' is a group of values, not {merged.group(2)}: set one of {names}"
+    return None
+
+
+def _preset_message(lines: list[str], folder: Path) -> str | None:
+    """Which presets there are, None where the error is about something else."""
+    absent = re.search(r"Could not find 'preset/([^']+)'", " ".join(lines))
+    if absent is None:
+        return None
+    names = sorted(path.stem for path in (folder / "preset").glob("*.yaml"))
+    return f"there is no preset '{absent.group(1)}': use one of {', '.join(names)}" if names else "there are no presets"
