@@ -91,5 +91,5 @@ def test_leaves_are_named_by_their_fields():
 
 @pytest.mark.parametrize(("tree", "dtype"), [("x", None), (GVPParams(), "x"), (GVPParams(), int), ({"a": {1}}, None)])
 def test_what_no_arrays_can_be_made_of(tree, dtype):
-    with pytest.raises(ConfigError, match="no number|dtype is .*: give one of floats"):
+    with pytest.raises(ConfigError, match=r"no number|dtype is .*: give one of floats"):
         as_arrays(tree, dtype)

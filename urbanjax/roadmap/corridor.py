@@ -79,7 +79,8 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
     Args: graph, the road graph; route, through it.
     """
     if params.lanes % 2 == 0 or params.n_stations < 2 or not params.spacing > 0:
-        raise RoadError(f"lanes must be odd, n_stations 2 or more and spacing positive, not {params}")
+        sizes = f"{params.lanes}, {params.n_stations} and {params.spacing}"
+        raise RoadError(f"lanes must be odd, n_stations 2 or more and spacing positive, not {sizes}")
     path = walk(graph, route)
     grid = params.spacing * jnp.arange(params.n_stations, dtype=graph.length.dtype)
 

@@ -24,7 +24,7 @@ class RouteParams:
     change_time: float = 5.0  # s, where it is time
     cost: str = static(default="length", metadata={"choices": COSTS})
     search: str = static(default="sum", metadata={"choices": SEARCHES})
-    n_links: int = static(default=256)  # R, the longest route
+    n_links: int = static(default=256, metadata={"range": (1, 2**20)})  # R, the longest route
 
 
 @pytree

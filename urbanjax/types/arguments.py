@@ -45,7 +45,9 @@ def kind(value: Any, name: str, *, wanted: type | tuple[type, ...], error: type[
     Args: value, as given; name, for the message; wanted, the class or classes; error, its class.
     """
     if not isinstance(value, wanted):
-        names = " or ".join(one.__name__ for one in (wanted if isinstance(wanted, tuple) else (wanted,)))
+        names = " or ".join(
+            one.__name__.rpartition(".")[2] for one in (wanted if isinstance(wanted, tuple) else (wanted,))
+        )
         specs = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
         held = next((spec.name for spec in specs if isinstance(getattr(value, spec.name, None), wanted)), None)
         instead = "" if held is None else f", here its .{held}"

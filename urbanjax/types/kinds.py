@@ -58,7 +58,7 @@ def _kinds(annotation: Any, fixed: bool) -> Kinds | None:
                 return None
             classes.append(tuple)
             elements = tuple(each for each in found if each)
-        elif part in (*PLAIN, types.NoneType) or dataclasses.is_dataclass(part):
+        elif isinstance(part, type) and (part in (*PLAIN, types.NoneType) or dataclasses.is_dataclass(part)):
             classes.append(part)
         else:
             return None

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import typing
-from collections.abc import Hashable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +52,7 @@ def instead(value: Any, *, choices: tuple | None, bounds: tuple | None) -> str:
 
     Args: value, one text, switch or number; choices, if only they are allowed; bounds, least and greatest, if any.
     """
-    if choices and not (isinstance(value, Hashable) and value in choices):
+    if choices and not any(isinstance(value, type(choice)) and value == choice for choice in choices):
         return f"one of {', '.join(map(str, choices))}"
     low, high = bounds or (-math.inf, math.inf)
     if bounds is None or low <= value <= high:

@@ -208,6 +208,11 @@ def test_arrays_become_a_log_or_are_refused():
             logs.from_arrays("ego", wrong, position=position)
     with pytest.raises(LogError, match="speed"):
         logs.from_arrays("ego", time, position=position, speed=speed[1:])
+    bare = logs.from_arrays.__wrapped__
+    with pytest.raises(LogError, match="log ego: time: str is no array of real numbers"):
+        bare("ego", "x", position=position)
+    with pytest.raises(LogError, match="log ego: has no field 'sped': use of speed, heading"):
+        bare("ego", time, position=position, sped=speed)
 
 
 def test_a_heading_in_another_unit_or_sense_is_refused_and_one_that_is_neither_noted(tmp_path):

@@ -21,7 +21,7 @@ from urbanjax.types.arguments import kind
 from urbanjax.vehicle.params import VehicleParams
 
 PLACES = 50  # along the way, that are looked up on the map
-ELSEWHERE = 5.0  # m (median), beyond which the way is not on the map
+ELSEWHERE = 2.0  # m (median), beyond which the way is not on the map
 MARGIN = 12.0  # m around the ego's way
 SUFFIXES = (".png", ".pdf", ".svg")
 WAY = "#b07d62"  # of others

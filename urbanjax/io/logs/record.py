@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 
 from urbanjax.types import FileError, host_record
+from urbanjax.types.arguments import array
+
+GIVEN = ("time", "position")  # what a log cannot be without
 
 
 class LogError(FileError):
@@ -75,12 +78,18 @@ def from_arrays(vehicle: str, time: np.ndarray, *, position: np.ndarray, **other
     Args: vehicle, its name; time [n] s; position [n, 2] m; others, any other field of a log. Raises LogError for shapes
     that do not fit, values that are not finite and time that does not rise.
     """
-    time, position = np.asarray(time, float), np.asarray(position, float)
+    time, position = (
+        array(x, f"log {vehicle}: {name}", error=LogError) for name, x in zip(GIVEN, (time, position), strict=True)
+    )
+    fields = [spec.name for spec in dataclasses.fields(VehicleLog) if spec.name not in ("vehicle", *GIVEN)]
+    unknown = others.keys() - set(fields)
+    if unknown:
+        raise LogError(f"log {vehicle}: has no field {min(unknown)!r}: use of {', '.join(fields)}")
     if time.ndim != 1 or position.shape != (len(time), 2) or len(time) < 2:
         raise LogError(f"log {vehicle}: time {time.shape} and position {position.shape} are not [n] and [n, 2], n > 1")
     for key in ("speed", "heading"):
         if others.get(key) is not None:
-            others[key] = np.asarray(others[key], float)
+            others[key] = array(others[key], f"log {vehicle}: {key}", error=LogError)
             if others[key].shape != time.shape:
                 raise LogError(f"log {vehicle}: {key} {others[key].shape} has not the shape of time {time.shape}")
     wrong = ~(np.isfinite(time) & np.isfinite(position).all(1))
