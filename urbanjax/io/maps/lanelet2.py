@@ -54,7 +54,7 @@ def read(xml: Xml) -> RoadMap:
     Coordinates are `local_x`, `local_y` where the nodes have them; otherwise metres around the middle of the nodes in
     a transverse Mercator projection (see `geodesy`; `RoadMap.geo` holds the middle). Lanelets follow each other where
     both borders share end points, lie beside each other where they share a way, whose type or `lane_change` tag tells
-    whether it may be crossed; one driven both ways (`one_way` no) becomes two, the second with the id of the other sign.
+    whether it may be crossed; one driven both ways (`one_way` no) becomes two, the second with the id of other sign.
     A signal is named after the ways of its lights, in order; it stands at the reference line. Lanelets without cars are
     counted in `other`.
     Args: xml, the parsed file. Raises MapError, naming the file and the element.
