@@ -147,3 +147,8 @@ def test_seoul(data_dir):
 def test_a_plain_extract_of_openstreetmap_is_no_lanelet2_map(data_dir):
     with pytest.raises(maps.MapError, match="holds no lanelet"):
         maps.read(data_dir / "maps" / "osm" / "cauH_seoul.osm")
+
+
+def test_a_map_saved_by_an_editor_keeps_its_negative_ids(data_dir):
+    found = maps.read(data_dir / "traffic" / "signals" / "Tianjin_map.osm")
+    assert (len(found.ids), max(found.ids) < 0, found.faults) == (34, True, ())
