@@ -36,6 +36,8 @@ def qualify(
     whole(seeds, "seeds", error=ConfigError, least=1)
     if driver is not None and not all(callable(getattr(driver, name, None)) for name in ("init", "step")):
         raise ConfigError(f"driver is {driver!r}: it needs init(course, pose) and step(course, state, observation)")
+    if not isinstance(missions, Sequence) or not missions:
+        raise ConfigError(f"missions is {missions!r}: give names, such as {QUALIFICATION[0].name!r}")
     names = [missions] if isinstance(missions, str) else list(missions)
     for asked, there in [*((name, MISSIONS) for name in names), (traffic, MANNERS)]:
         if asked not in there:

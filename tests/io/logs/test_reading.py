@@ -227,3 +227,12 @@ def test_a_heading_in_another_unit_or_sense_is_refused_and_one_that_is_neither_n
     for log in logs.read(write(tmp_path, csv_text(columns), "log.csv"), form(LONG)):
         assert len(log.report.notes) == 1
         assert "heading" in log.report.notes[0]
+
+
+def test_degrees_are_told_where_their_number_in_radians_comes_near_the_way(tmp_path):
+    """Due north is 1.57 rad, and 90 rad is 2.04 beyond fourteen turns."""
+    path = tmp_path / "north.csv"
+    path.write_text("time,x,y,psi\n" + "".join(f"{k / 10},0,{k},90\n" for k in range(60)))
+    north = logs.LogFormat(columns=logs.Columns(heading="psi"))
+    with pytest.raises(LogError, match="units.heading=deg"):
+        logs.read(path, north)

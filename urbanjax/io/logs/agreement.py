@@ -6,13 +6,12 @@ import numpy as np
 
 from urbanjax.io.logs.format import ANGLE, LogFormat, fitting
 from urbanjax.io.logs.record import LogError, VehicleLog
+from urbanjax.traffic.safety.plausible import AGREES, ASTRAY, apart
 
 WINDOW = 1.0  # s over which speeds are compared
 TYPICAL = 0.9  # quantile of distances that a moving vehicle's are held against
 MOVING = 0.3  # of the 90 % quantile of distances: windows with less do not count
-ASTRAY = 0.5  # rad, of a heading from the way, of which a note is made
 ANY_WAY = 1e-6  # m in a window: less is rounding
-AGREES = 0.2  # rad, of a heading in another unit or sense from the way, up to which it must be that
 FAR_ENOUGH = 1.0  # m in a window, from which its direction counts
 FEWEST = 3  # windows that a median says something of
 QUARTERS, WINDOWS = 4, 5  # parts of a log that are looked at one by one; windows that it has at least
@@ -98,27 +97,24 @@ def _astray(log: VehicleLog, form: LogFormat) -> list[str]:
         return []
     ahead = np.arctan2(way[:, 1], way[:, 0])[moving]
     heading = log.heading[(first + last) // 2][moving]
-    angle = _apart(heading, ahead)
-    if angle <= ASTRAY:
+    angle = apart(heading, ahead)
+    # Beyond a turn it is likely to be in another unit, which may by chance come near.
+    if angle <= (AGREES if np.abs(heading).max() > 2 * np.pi else ASTRAY):
         return []
     as_stated = (np.pi / 2 - heading if form.units.compass else heading) / ANGLE[form.units.heading]
     for unit, scale in ANGLE.items():
         for compass in (form.units.compass, not form.units.compass):
             turned = np.pi / 2 - as_stated * scale if compass else as_stated * scale
-            if _apart(turned, ahead) <= AGREES:
+            if apart(turned, ahead) <= AGREES:
                 settings = [f"units.heading={unit}"] if unit != form.units.heading else []
                 settings += [f"units.compass={str(compass).lower()}"] if compass != form.units.compass else []
                 raise LogError(
                     f"{log.source}: column {form.columns.heading!r}: the stated heading of {log.name} is {angle:.2f} "
                     f"rad from its way (median); it looks like {' and '.join(settings)}"
                 )
+    if angle <= ASTRAY:
+        return []
     return [f"the stated heading is {angle:.2f} rad from the way (median): see units.heading and units.compass"]
-
-
-def _apart(heading: np.ndarray, ahead: np.ndarray) -> float:
-    """Median angle between two directions [w], rad."""
-    off = heading - ahead
-    return float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))))
 
 
 def _size(log: VehicleLog) -> int:

@@ -50,7 +50,7 @@ def _check_speed(v: int, ratio: float) -> None:
 
 def _check_heading(v: int, heading: np.ndarray, ahead: np.ndarray) -> None:
     allowed = AGREES if np.abs(heading).max() > 2 * np.pi else ASTRAY
-    if _apart(heading, ahead) > allowed and _apart(np.radians(heading), ahead) <= AGREES:
+    if apart(heading, ahead) > allowed and apart(np.radians(heading), ahead) <= AGREES:
         raise TrafficError(f"heading of vehicle {v} looks like degrees: give it in rad (np.radians)")
 
 
@@ -60,7 +60,7 @@ def _check_turns(v: int, heading: np.ndarray) -> None:
         raise TrafficError(f"heading of vehicle {v} is {most:.4g} rad, which looks like degrees: give it in rad")
 
 
-def _apart(heading: np.ndarray, ahead: np.ndarray) -> float:
-    """Median angle between two directions [w], rad."""
+def apart(heading: np.ndarray, ahead: np.ndarray) -> float:
+    """Median angle [rad] between directions. Args: heading and ahead [w] rad."""
     off = heading - ahead
     return float(np.median(np.abs(np.arctan2(np.sin(off), np.cos(off)))))
