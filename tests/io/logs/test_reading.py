@@ -234,5 +234,5 @@ def test_degrees_are_told_where_their_number_in_radians_comes_near_the_way(tmp_p
     path = tmp_path / "north.csv"
     path.write_text("time,x,y,psi\n" + "".join(f"{k / 10},0,{k},90\n" for k in range(60)))
     north = logs.LogFormat(columns=logs.Columns(heading="psi"))
-    with pytest.raises(LogError, match="units.heading=deg"):
+    with pytest.raises(LogError, match=r"units\.heading=deg"):
         logs.read(path, north)

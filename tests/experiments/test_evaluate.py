@@ -1,0 +1,132 @@
+"""What the rows of an evaluation amount to, and what its command line refuses."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments.evaluate import replay, report, study, tables
+from experiments.evaluate.study import EvaluateStudy
+from urbanjax.evaluation.verdict import Cause
+from urbanjax.io.runs import directory
+from urbanjax.types import ConfigError
+
+SUBSCORES = dict.fromkeys(tables.SUBSCORES, 1.0)
+
+
+def row(driver, mission, seed, success, score, cause="late", traffic="idm"):
+    return {
+        "driver": driver,
+        "traffic": traffic,
+        "mission": mission,
+        "seed": seed,
+        "success": success,
+        "cause": "success" if success else cause,
+        "cause_time_s": np.nan if success else 3.0,
+        "nuplan_total": score,
+        "carla_total": 100 * score,
+        "competition_total": 20.0,
+        "competition_time": 15.0,
+        "competition_reached": success,
+        "competition_at_fault": int(cause == "hit moving" and not success),
+        "competition_off_road": 0,
+        **SUBSCORES,
+    }
+
+
+ROWS = [
+    *(row("stack", "overtake", seed, seed != 3, 0.9 if seed != 3 else 0.0, "hit moving") for seed in range(8)),
+    *(row("stack", "cut_in", seed, True, 0.8) for seed in range(8)),
+    *(row("idm", "overtake", seed, False, 0.5) for seed in range(8)),
+    *(row("idm", "cut_in", seed, seed < 4, 0.7, "stood") for seed in range(8)),
+]
+
+
+def test_shares_means_and_causes_are_those_of_the_rows():
+    head = tables.headline(ROWS)
+    assert head["driver"] == ["stack", "idm"]
+    assert head["success [%]"][0].startswith("93.8 [71.7, 98.9]")
+    assert head["success [%]"][1].startswith("25.0")
+    assert head["at-fault collision [%]"][0].startswith("6.2")
+    table = tables.by_mission(ROWS)
+    assert table["commonest causes of failure"] == ["hit moving 1", "-", "late 8", "stood 4"]
+    assert tables.causes([r for r in ROWS if r["driver"] == "idm"]) == "late 8, stood 4"
+    found = tables.summary(ROWS)
+    assert found["drives"] == 32
+    assert found["stack_idm_overtake_success_share"] == 7 / 8
+    assert found["idm_idm_nuplan_score"] == pytest.approx(0.6)
+    assert found["idm_idm_nuplan_score_low"] < 0.6 < found["idm_idm_nuplan_score_high"]
+
+
+def test_differences_are_paired_by_start():
+    found = tables.differences(ROWS[::-1][::-1])
+    assert found["drivers"] == ["stack - idm"]
+    assert found["pairs"] == [16]
+    assert found["success [points]"][0].startswith("68.8")
+    one, two = (tables.chosen(ROWS, driver=name) for name in ("stack", "idm"))
+    assert tables.against(one, two[::-1]) == tables.against(one, two)
+    assert tables.against(one[:3], two)["pairs"] == 3
+    with pytest.raises(ConfigError, match="no start in common"):
+        tables.against(one, tables.chosen(ROWS, driver="nobody"))
+
+
+def test_missing_and_repeated_drives_are_counted():
+    wanted = [tuple(r[name] for name in tables.KEY) for r in ROWS]
+    assert tables.coverage(ROWS, wanted)["missing"] == ["-"]
+    found = tables.coverage([*ROWS[1:], ROWS[5]], wanted)
+    assert (found["expected"], found["found"], found["duplicates"]) == ([32], [31], [1])
+    assert "overtake" in found["missing"][0]
+
+
+def test_the_worst_are_failures_of_every_mission_in_turn():
+    chosen = tables.worst(ROWS, "idm", 3)
+    assert [r["mission"] for r in chosen] == ["overtake", "cut_in", "overtake"]
+    assert tables.worst(ROWS, "stack", 5) == [ROWS[3]]
+
+
+def test_every_cause_has_words_and_a_column():
+    assert Cause.NONE.label == "success"
+    assert set(tables.failures(ROWS)) == {"driver", "traffic", *(c.label for c in Cause if c)}
+
+
+def test_drivers_are_told_apart_and_take_their_own_keys():
+    params = EvaluateStudy(drivers=("stack", "idm", "blind", "pdm"))
+    params = dataclasses.replace(params, idm=params.idm.replace(margin=0.7))
+    assert study.loop_of(params, "stack").driver is None
+    assert study.loop_of(params, "idm").driver.margin == 0.7
+    assert study.loop_of(params, "blind").driver.stack == params.stack
+    jobs = study.jobs_of(EvaluateStudy(missions=("cut_in", "overtake"), seeds=3, seed=5))
+    assert [(job.mission.name, job.seed) for job in jobs] == [
+        (name, seed) for name in ("cut_in", "overtake") for seed in (5, 6, 7)
+    ]
+
+
+def test_what_is_known_of_a_run_is_not_driven_again(monkeypatch):
+    params = EvaluateStudy(missions=("cut_in",), drivers=("idm",), seeds=20)
+    monkeypatch.setattr(study, "outcomes", lambda loop, jobs, traffic: iter([f"driven {job.seed}" for job in jobs]))
+    monkeypatch.setattr(study, "row_of", lambda driver, outcome: {"row": outcome})
+    known = {"idm-idm-00000": [{"row": f"known {seed}"} for seed in range(16)]}
+    found = dict(study.drives(params, known, lambda label, share: None))
+    assert found["idm-idm-00000"] == known["idm-idm-00000"]
+    assert found["idm-idm-00001"] == [{"row": f"driven {seed}"} for seed in range(16, 20)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"run": "x"}, "belong together"),
+        ({"against": "x"}, "belong together"),
+        ({"run": "x", "against": "y"}, r"run=x: there is no rows\.parquet"),
+        ({"replay": "x"}, r"replay=x: there is no rows\.parquet"),
+    ],
+)
+def test_what_is_no_run_is_named(changes, message, tmp_path):
+    run = directory.Run(tmp_path / "run", {})
+    with pytest.raises(ConfigError, match=message):
+        report.write(EvaluateStudy(**changes), run)
+    with pytest.raises(ConfigError, match="resume"):
+        study.known(str(tmp_path / "nothing"))
+
+
+def test_another_driver_than_the_stack_has_no_reasons():
+    assert replay.reasons(None) == {}
