@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.drivers import IdmDriver
+from urbanjax.drivers import IdmDriver, Standstill
 from urbanjax.evaluation import batch
 from urbanjax.evaluation.batch import Job, case_of, outcomes
 from urbanjax.evaluation.facts import facts
@@ -40,6 +40,7 @@ def test_a_drive_is_the_same_in_any_company(found):
             equal(one, fewer[k - 1])
 
 
+@pytest.mark.slow
 def test_devices_share_the_chunks(found, monkeypatch):
     monkeypatch.setattr(jax, "local_devices", lambda: jax.devices("cpu") * 2)
     for one, other in zip(found, outcomes(LOOP, JOBS * 2, chunk=CHUNK), strict=False):
@@ -97,3 +98,16 @@ def test_places_are_taken_again(found):
     for k, one in enumerate(found):
         equal(one, out[k])
         equal(one, out[k + 8])
+
+
+@pytest.mark.slow
+def test_replayed_traffic_moves_as_it_did_with_idm_in_the_egos_place():
+    """With the same driver in that place all is as it was; with another one nobody minds."""
+    jobs, standing = JOBS[:2], LOOP.replace(driver=Standstill())
+    idm = list(batch._stream(as_arrays(LOOP), enumerate(jobs), "idm", CHUNK, logs=True, whole=True))
+    for loop, same in ((LOOP, True), (standing, False)):
+        for (_, was), one in zip(idm, outcomes(loop, jobs, traffic="replay", chunk=CHUNK, logs=True), strict=True):
+            v, n = was.log.traffic.valid.shape[1], round(float(one.row["duration_s"]) * 10)
+            np.testing.assert_allclose(one.log.traffic.position[:n, v:], was.log.traffic.position[:n], atol=1e-2)
+            assert not one.log.traffic.valid[:, :v].any()
+            assert np.allclose(one.log.centre[:n], was.log.centre[:n], atol=0.05) == same

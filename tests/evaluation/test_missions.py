@@ -18,7 +18,7 @@ from urbanjax.vehicle.model import box_centre
 from urbanjax.vehicle.params import VehicleParams
 
 VEHICLE, OTHERS = VehicleParams(), TrafficParams()
-SEEDS = range(6)
+SEEDS = range(3)
 
 
 def case(name, seed):

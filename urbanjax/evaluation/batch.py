@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from urbanjax.drivers import IdmDriver
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
-from urbanjax.evaluation.traffic import mannered, mannered_sim
+from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
 from urbanjax.evaluation.verdict import judge
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams, Underway, begin, go_on
@@ -101,9 +102,27 @@ def _ended(
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
-    """The drive that a job is about. Args: loop, for vehicle and traffic; job; traffic, how the others drive."""
+    """The drive that a job is about, before anybody is replayed.
+
+    Args: loop, for vehicle and traffic; job; traffic, how the others drive.
+    """
     case = job.mission.case(job.seed, others=loop.sim.traffic, vehicle=loop.vehicle)
     return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
+
+
+def _cases(loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int) -> Iterator[tuple[int, Job, Case]]:
+    """The jobs with their drives; those of replayed traffic are driven by IDM first, a chunk at a time."""
+    if traffic != "replay":
+        for number, job in jobs:
+            yield number, job, case_of(loop, job, traffic=traffic)
+        return
+    waiting, follower = iter(jobs), loop.replace(driver=as_arrays(IdmDriver()))
+    while part := list(itertools.islice(waiting, chunk)):
+        for number, one in _stream(follower, part, "idm", chunk, logs=True, whole=True):
+            assert one.log is not None
+            case = case_of(loop, one.job, traffic=traffic)
+            start = as_recorded(case.start, one.log, period=float(loop.period))
+            yield number, one.job, dataclasses.replace(case, start=start)
 
 
 @dataclasses.dataclass
@@ -117,10 +136,13 @@ class _Place:
 
 
 def _stream(
-    loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int, logs: bool
+    loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int, logs: bool, whole: bool = False
 ) -> Iterator[tuple[int, Outcome]]:
-    """The drives of one device: every place of the chunk is filled again as soon as its drive has ended."""
-    waiting = iter(jobs)
+    """The drives of one device: every place of the chunk is filled again as soon as its drive has ended.
+
+    Where the `whole` is asked for they go on to the end of the longest drive.
+    """
+    waiting = _cases(loop, jobs, traffic, chunk)
     places: list[_Place | None] = [None] * chunk
     ended: list[_Place] = []
     longest = round(LONGEST / float(loop.period))
@@ -129,9 +151,8 @@ def _stream(
     while True:
         new = np.zeros(chunk, bool)
         for k in range(chunk):
-            if places[k] is None and (pair := next(waiting, None)) is not None:
-                case = case_of(loop, pair[1], traffic=traffic)
-                places[k], new[k] = _Place(*pair, case, []), True
+            if places[k] is None and (found := next(waiting, None)) is not None:
+                places[k], new[k] = _Place(*found, []), True
         if not any(places):
             break
         spare = next(place.case for place in places if place)
@@ -146,7 +167,7 @@ def _stream(
             if place is None:
                 continue
             place.parts.append(jax.tree.map(lambda x, k=k: x[k], log))
-            if not going[k] or len(place.parts) * SEGMENT >= longest:
+            if (not going[k] and not whole) or len(place.parts) * SEGMENT >= longest:
                 ended.append(place)
                 places[k] = None
         while len(ended) >= chunk:
@@ -247,7 +268,8 @@ def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int 
     Args: loop, with the driver; job; traffic, how the others drive; time [s] since the start; chunk, of the drive.
     """
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
-    cases = _stacked([case_of(loop, job, traffic=traffic)] * chunk)
+    ((_, _, case),) = _cases(loop, [(0, job)], traffic, chunk)
+    cases = _stacked([case] * chunk)
     now = _compiled(_begin)(loop, cases)
     steps = max(round(time / float(loop.period)), 0)
     for _ in range(steps // SEGMENT):

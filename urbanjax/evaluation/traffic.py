@@ -4,10 +4,14 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import numpy as np
 
 from urbanjax.sim.agents import Traffic
+from urbanjax.sim.log import Log
+from urbanjax.sim.replay import Replay
 from urbanjax.sim.world import SimParams, WorldState
+from urbanjax.types import as_arrays
 
 UNREACHABLE = 1e3  # m, that the ego would have to reach into a lane for somebody to care
 
@@ -45,11 +49,17 @@ def non_yielding(rng: np.random.Generator, traffic: Traffic) -> Traffic:
     return traffic
 
 
+def replay(rng: np.random.Generator, traffic: Traffic) -> Traffic:
+    """All move as they did when an IDM driver was in the ego's place, whatever it does. Args: rng; traffic [V]."""
+    return traffic
+
+
 MANNERS: dict[str, Callable[[np.random.Generator, Traffic], Traffic]] = {
     "idm": idm,
     "mixed": mixed,
     "assertive": assertive,
     "non_yielding": non_yielding,
+    "replay": replay,
 }
 
 
@@ -57,6 +67,17 @@ def mannered(world: WorldState, name: str, *, seed: int) -> WorldState:
     """The world with traffic of that manner. Args: world; name, in MANNERS; seed, of what is drawn for each driver."""
     rng = np.random.default_rng([list(MANNERS).index(name), seed])
     return dataclasses.replace(world, traffic=MANNERS[name](rng, world.traffic))
+
+
+def as_recorded(world: WorldState, log: Log, *, period: float) -> WorldState:
+    """The world in which everybody moves as in a log of it. Args: world; log [T], of one run of it; period [s]."""
+    them = log.traffic
+    rows: dict[str, Any] = {name: getattr(them, name) for name in ("position", "heading", "speed", "valid")}
+    rows |= {name: getattr(them, name)[0] for name in ("length", "width")}
+    kind = np.zeros(them.valid.shape[1], np.int32) if them.kind is None else np.asarray(them.kind)[0]
+    recorded = Replay(**rows, **as_arrays({"period": period, "kind": kind}))
+    nobody = dataclasses.replace(world.traffic, valid=np.zeros_like(world.traffic.valid))
+    return dataclasses.replace(world, traffic=nobody, replay=jax.device_get(recorded))
 
 
 def mannered_sim(sim: SimParams, name: str) -> SimParams:
