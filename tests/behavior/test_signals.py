@@ -77,6 +77,16 @@ def test_who_brakes_for_yellow_keeps_braking():
     assert distance > 0
 
 
+@pytest.mark.parametrize(
+    ("remaining", "distance", "stops"),
+    [(1.0, 12.0, True), (2.0, 12.0, False), (1.0, 6.0, False), (np.nan, 12.0, False), (0.0, 12.0, False)],
+)
+def test_who_would_come_to_the_line_at_red_stops_as_hard_as_it_takes(remaining, distance, stops):
+    """At 10 m/s: 12 m ask for 5.6 m/s^2 after the reaction, 4.2 at once; 6 m for more than there is."""
+    yellow = one(YELLOW).replace(remaining=jnp.full(1, remaining))
+    assert ahead(yellow, distance, 10.0).red == stops
+
+
 def test_nobody_reads_what_a_signal_shows_but_by_its_method():
     """A new reader of `signals.state` or `signals.valid` would have to think of unknown ones again."""
     root, found = Path(urbanjax.__file__).parent, []

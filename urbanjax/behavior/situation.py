@@ -98,8 +98,9 @@ def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> Sig
     """The nearest stop line in front of the bumper, with the state of its signal. Not differentiable in the state.
 
     What is not known to be green or yellow is red; at yellow one goes on who would have to brake harder than
-    `yellow_deceleration` (it exceeds that of a stop, so that who brakes for yellow keeps braking). Args: situation, of
-    the step; body, of the ego.
+    `yellow_deceleration` (it exceeds that of a stop, so that who brakes for yellow keeps braking), but not who would
+    come to the line only at red and can still stop before it by `emergency_deceleration`. Args: situation, of the step;
+    body, of the ego.
     """
     window, signals = situation.window, situation.signals
     distance = window.stop_station - body.front
@@ -107,9 +108,12 @@ def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> Sig
     nearest = jnp.argmin(jnp.where(ahead, distance, jnp.inf))
     exists = ahead[nearest]
     shown = signals.shown(window.stop_signal[nearest])
-    room = jnp.maximum(distance[nearest] - params.yellow_reaction * body.speed, 0)
+    to_line = jnp.maximum(distance[nearest], 0)
+    room = jnp.maximum(to_line - params.yellow_reaction * body.speed, 0)
     in_time = body.speed**2 <= 2 * params.yellow_deceleration * room
-    red = exists & ((shown == SignalState.RED) | ((shown == SignalState.YELLOW) & in_time))
+    late = to_line > body.speed * signals.lasts(window.stop_signal[nearest])
+    stops = in_time | (late & (body.speed**2 <= 2 * params.emergency_deceleration * to_line))
+    red = exists & ((shown == SignalState.RED) | ((shown == SignalState.YELLOW) & stops))
     beyond = (window.station > body.rear) & (window.station < window.stop_station[nearest] + params.turn_reach)
     turns = (window.turn == Turn.LEFT) | (window.turn == Turn.RIGHT)
     turning = jnp.any(beyond & turns) & exists

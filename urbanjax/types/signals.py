@@ -35,3 +35,13 @@ class Signals:
         known = self.valid & (self.state != SignalState.UNKNOWN)
         state = jnp.where(known, self.state, int(SignalState.RED))
         return state.at[signal].get(mode="fill", fill_value=int(SignalState.RED))
+
+    def lasts(self, signal: Array) -> Array:
+        """For how long [*s] s each signal still shows what it does; infinite where nobody says so.
+
+        Args: signal [*s] int32, ids of signals.
+        """
+        if self.state.shape[0] == 0:
+            return jnp.full(jnp.shape(signal), jnp.inf, self.remaining.dtype)
+        told = self.valid & jnp.isfinite(self.remaining) & (self.remaining > 0)
+        return jnp.where(told, self.remaining, jnp.inf).at[signal].get(mode="fill", fill_value=jnp.inf)

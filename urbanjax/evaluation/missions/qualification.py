@@ -52,12 +52,12 @@ def unsignalised() -> Mission:
 
 
 def signal_straight() -> Mission:
-    """Go straight on at signals that turn green within 28 s at most.
+    """Go straight on at signals whose red lasts 10 to 13 s.
 
     Success: 115 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
     road = partial(drawn_roads.crossing, turn="straight", signals=True)
-    return Mission("signal_straight", 6, road, casts.signalised, way=115.0, pace=0.3)
+    return Mission("signal_straight", 6, road, casts.signalised, way=115.0, pace=0.2)
 
 
 def signal_left() -> Mission:
@@ -66,7 +66,7 @@ def signal_left() -> Mission:
     Success: 115 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
     road = partial(drawn_roads.crossing, turn="left", signals=True)
-    return Mission("signal_left", 7, road, casts.signalised, way=115.0, pace=0.3)
+    return Mission("signal_left", 7, road, casts.signalised, way=115.0, pace=0.2)
 
 
 def signal_right() -> Mission:
@@ -75,7 +75,7 @@ def signal_right() -> Mission:
     Success: 105 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
     road = partial(drawn_roads.crossing, turn="right", signals=True)
-    return Mission("signal_right", 8, road, casts.signalised, way=105.0, pace=0.3)
+    return Mission("signal_right", 8, road, casts.signalised, way=105.0, pace=0.2)
 
 
 QUALIFICATION = (

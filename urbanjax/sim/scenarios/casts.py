@@ -176,9 +176,9 @@ def cross_traffic(rng: np.random.Generator, cast: Cast) -> None:
 
 
 def signalised(rng: np.random.Generator, cast: Cast) -> None:
-    """The same with signals: two phases in a cycle of 20 to 28 s that begins anywhere. Args: rng; cast."""
+    """The same with signals: two phases in a cycle of 18 to 24 s that begins anywhere. Args: rng; cast."""
     cross_traffic(rng, cast)
-    cycle, yellow, clearance = float(rng.uniform(20.0, 28.0)), 3.0, 1.0
+    cycle, yellow, clearance = float(rng.uniform(18.0, 24.0)), 3.0, 1.0
     begin = float(rng.uniform(0.0, cycle))
     phase = np.arange(cast.stage.size.n_signals) % 2
     each, share = np.ones(len(phase)), 0.5 - (yellow + clearance) / cycle
