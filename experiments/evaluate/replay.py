@@ -30,6 +30,8 @@ def write(params: EvaluateStudy, run: Run) -> None:
     if params.row >= len(rows):
         raise ConfigError(f"row={params.row}: {params.replay} holds the rows 0 to {len(rows) - 1}")
     row = rows[params.row]
+    if row["mission"] not in MISSIONS:
+        raise ConfigError(f"row={params.row}: there is no mission {row['mission']!r} any more")
     loop = study.loop_of(_params_of(params.replay), row["driver"])
     job = Job(MISSIONS[row["mission"]], row["seed"])
     title = f"{row['driver']}, {row['mission']}, seed {row['seed']}, {row['traffic']} traffic: {row['cause']}"
@@ -37,7 +39,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
         tick(title)
         (one,) = outcomes(loop, [job], traffic=row["traffic"], logs=True)
         again = {**study.row_of(row["driver"], one), "cause": Cause(int(one.row["cause"])).label}
-        differs = [name for name in row if not _same(row[name], again[name])]
+        differs = [name for name in row if not _same(row[name], again.get(name))]
         log, graph = study.until_end(one, case_of(loop, job, traffic=row["traffic"]))
         frames = figures.moving(log, graph, loop.vehicle, every=EVERY, title=title)
         animation.write_gif(run.path("replay.gif"), frames, rate=1.0 / (EVERY * float(loop.period)))
@@ -50,7 +52,8 @@ def write(params: EvaluateStudy, run: Run) -> None:
     same = "equal to the row bit for bit" if not differs else f"differs from the row in {', '.join(differs)}"
     items: list[report.Table | report.Picture] = [
         report.Table(
-            f"The drive, {same}", {"column": list(row), "then": list(row.values()), "now": list(again.values())}
+            f"The drive, {same}",
+            {"column": list(row), "then": list(row.values()), "now": [again.get(name) for name in row]},
         ),
         report.Picture(title, run.path("replay.gif")),
         report.Picture("The same over time", run.path("replay.png")),

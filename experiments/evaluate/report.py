@@ -1,5 +1,6 @@
 """Drive, keep the rows as they come, and say what they amount to."""
 
+import json
 import resource
 import time
 from typing import Any
@@ -12,7 +13,7 @@ from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
-from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.directory import Run, git_state, write_atomically
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError
@@ -30,6 +31,8 @@ SUCCESS = (
 
 def write(params: EvaluateStudy, run: Run) -> None:
     """Drive all, write rows, tables, figures and report; or compare two runs, or drive one row again."""
+    if params.replay and (params.run or params.against):
+        raise ConfigError("'replay' drives a row again, 'run' and 'against' compare two runs: set one or the other")
     if params.replay:
         replay.write(params, run)
         return
@@ -98,8 +101,12 @@ def _drive(params: EvaluateStudy, run: Run) -> tuple[Rows, float]:
     import pyarrow
     import pyarrow.parquet
 
+    config = {name: value for name, value in run.config.items() if name != "resume"}
+    stamp = {"config": config, "code": git_state()}
+    done = study.known(params.resume, stamp)
     folder = run.path("rows")
     folder.mkdir()
+    write_atomically(folder / study.STAMP, json.dumps(stamp))
     rows: Rows = []
     began = time.perf_counter()
     with progress.bar("evaluation") as tick:
@@ -109,7 +116,7 @@ def _drive(params: EvaluateStudy, run: Run) -> tuple[Rows, float]:
             left = f", {passed / share - passed:.0f} s left" if share > 0 else ""
             tick(f"{label}, {len(rows) / passed:.1f} drives/s{left}", share)
 
-        for name, part in study.drives(params, study.known(params.resume), paced):
+        for name, part in study.drives(params, done, paced):
             part = [{**row, "cause": _label(row["cause"])} for row in part]
             pyarrow.parquet.write_table(pyarrow.Table.from_pylist(part), folder / f"{name}.parquet.part")
             (folder / f"{name}.parquet.part").rename(folder / f"{name}.parquet")

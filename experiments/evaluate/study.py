@@ -1,5 +1,6 @@
 """Which drivers drive which missions among what traffic, and the rows that come of it."""
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +18,10 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError, Unread, field, pytree, static
+from urbanjax.types.unread import changed
 
+STAMP = "of.json"  # in the folder of rows: what they are of
+DRIVEN = ("vehicle", "period", "sensor", "sim", "missions", "drivers", "traffic", "seeds", "seed", "worst", "resume")
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
 
 
@@ -26,11 +30,17 @@ class EvaluateStudy(LoopParams):
     """Missions x seeds x drivers x traffic."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
-        "row": Unread("no run is driven again, see 'replay'", lambda p: not p.replay),
-        "before": Unread("no run is driven again, see 'replay'", lambda p: not p.replay),
-        "stack": Unread("the stack does not drive, see 'drivers'", lambda p: not {"stack", "blind"} & set(p.drivers)),
+        **dict.fromkeys(("row", "before"), Unread("no row is driven again, see 'replay'", lambda p: not p.replay)),
+        **dict.fromkeys(DRIVEN, Unread("nothing new is driven with 'replay' or 'run'", lambda p: p.replay or p.run)),
+        "stack": Unread(
+            "the stack does not drive, see 'drivers', 'replay' and 'run'",
+            lambda p: p.replay or p.run or not {"stack", "blind"} & set(p.drivers),
+        ),
         **{
-            name: Unread(f"'{name}' does not drive, see 'drivers'", lambda p, name=name: name not in p.drivers)
+            name: Unread(
+                f"'{name}' does not drive, see 'drivers', 'replay' and 'run'",
+                lambda p, name=name: p.replay or p.run or name not in p.drivers,
+            )
             for name in WITH_KEYS
         },
     }
@@ -42,7 +52,7 @@ class EvaluateStudy(LoopParams):
     )
     drivers: tuple[str, ...] = static(default=("stack",), metadata={"choices": tuple(DRIVERS)})
     traffic: tuple[str, ...] = static(default=("idm",), metadata={"choices": tuple(MANNERS)})
-    seeds: int = static(default=256, metadata={"range": (1, 10**6)})  # drives of each mission
+    seeds: int = static(default=256, metadata={"range": (1, 10**5)})  # drives of each mission
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
     worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off
@@ -119,13 +129,23 @@ def rows_of(directory: str, key: str) -> list[dict[str, Any]]:
     return pyarrow.parquet.read_table(path).to_pylist()
 
 
-def known(resume: str) -> dict[str, list[dict[str, Any]]]:
-    """The chunks of a run that was cut off, by name."""
+def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """The chunks of a run that was cut off, by name. Args: resume, its directory; stamp, of this run.
+
+    Raises ConfigError for a run of another config or of other code: their drives do not belong together.
+    """
     import pyarrow.parquet
 
     if not resume:
         return {}
     folder = Path(resume) / "rows"
-    if not folder.is_dir():
-        raise ConfigError(f"resume={resume}: there is no folder {folder}; name the directory of an evaluation")
+    try:
+        theirs = json.loads((folder / STAMP).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"resume={resume}: there is no {folder / STAMP}; name an evaluation's directory") from error
+    ours = json.loads(json.dumps(stamp))
+    for key in ours:
+        differs = sorted(changed(ours[key], theirs.get(key, {}))) if isinstance(ours[key], dict) else [key]
+        if ours[key] != theirs.get(key):
+            raise ConfigError(f"resume={resume}: that run was of another {', '.join(differs[:3]) or key}; begin anew")
     return {path.stem: pyarrow.parquet.read_table(path).to_pylist() for path in sorted(folder.glob("*.parquet"))}

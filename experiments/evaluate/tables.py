@@ -151,15 +151,6 @@ def against(ours: Rows, theirs: Rows) -> dict[str, Any]:
     return line
 
 
-def matrix(rows: Rows) -> dict[str, list[Any]]:
-    """Success [%] by driver and traffic."""
-    out: dict[str, list[Any]] = {}
-    for driver in names(rows, "driver"):
-        line = {traffic: success(part).percent.text() if part else "-" for traffic, part in _by(rows, driver)}
-        _append(out, {"driver": driver, **line})
-    return out
-
-
 def summary(rows: Rows) -> dict[str, Any]:
     """Flat numbers: per driver and traffic pooled, and per mission."""
     out: dict[str, Any] = {"drives": len(rows)}
@@ -205,10 +196,6 @@ def _share(rows: Rows, column: str) -> str:
 
 def _pairs(rows: Rows) -> list[tuple[str, str]]:
     return list(dict.fromkeys((row["driver"], row["traffic"]) for row in rows))
-
-
-def _by(rows: Rows, driver: str) -> list[tuple[str, Rows]]:
-    return [(traffic, chosen(rows, driver=driver, traffic=traffic)) for traffic in names(rows, "traffic")]
 
 
 def _append(out: dict[str, list[Any]], line: dict[str, Any]) -> None:

@@ -1,6 +1,7 @@
 """What the rows of an evaluation amount to, and what its command line refuses."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -125,7 +126,18 @@ def test_what_is_no_run_is_named(changes, message, tmp_path):
     with pytest.raises(ConfigError, match=message):
         report.write(EvaluateStudy(**changes), run)
     with pytest.raises(ConfigError, match="resume"):
-        study.known(str(tmp_path / "nothing"))
+        study.known(str(tmp_path / "nothing"), {})
+
+
+def test_only_a_run_of_the_same_config_and_code_is_gone_on_with(tmp_path):
+    (tmp_path / "rows").mkdir()
+    stamp = {"config": {"seeds": 3, "stack": {"x": 1.0}}, "code": {"commit": "a"}}
+    (tmp_path / "rows" / study.STAMP).write_text(json.dumps(stamp))
+    assert study.known(str(tmp_path), stamp) == {}
+    with pytest.raises(ConfigError, match=r"another stack\.x"):
+        study.known(str(tmp_path), {**stamp, "config": {"seeds": 3, "stack": {"x": 2.0}}})
+    with pytest.raises(ConfigError, match="another commit"):
+        study.known(str(tmp_path), {**stamp, "code": {"commit": "b"}})
 
 
 def test_another_driver_than_the_stack_has_no_reasons():

@@ -14,6 +14,7 @@ from experiments.candidates.study import CandidateStudy
 from experiments.common import overtaking
 from experiments.common.overtaking import OvertakeStudy
 from experiments.demo.study import DemoStudy
+from experiments.evaluate.study import EvaluateStudy
 from experiments.highway.study import HighwayStudy
 from experiments.localize.study import LocalizeStudy
 from experiments.map.study import MapStudy
@@ -31,6 +32,7 @@ STUDIES = {
     "benchmark": BenchStudy,
     "candidates": CandidateStudy,
     "demo": DemoStudy,
+    "evaluate": EvaluateStudy,
     "highway": HighwayStudy,
     "localize": LocalizeStudy,
     "map": MapStudy,
@@ -50,6 +52,11 @@ MISTAKES = [
     ("traffic", {}, f"rollouts.{TAU}"),
     ("localize", {}, f"loop.{TAU}"),
     ("overtake", {}, "stack.lidar.sensing_radius"),
+    ("evaluate", {}, "idm.margin"),
+    ("evaluate", {"drivers": ["idm"]}, TAU),
+    ("evaluate", {"replay": "x"}, "seeds"),
+    ("evaluate", {"run": "x", "against": "y"}, TAU),
+    ("evaluate", {}, "row"),
     ("overtake", {}, "sensor.noise"),
     ("overtake", {}, "sensor.pattern"),
     ("overtake", {}, "stack.relaxation.temperature"),

@@ -81,7 +81,8 @@ class PdmDriver:
     Signals count as closed unless they are green, and as lines, not areas. Others have no class: all count as vehicles
     (a route they lack there, too). Emergency braking is the vehicle's fullest, at any speed and also for times to
     collision (published: below 5 m/s, and for collisions alone). Scores that differ by less than `tie` count as equal.
-    The road does not end with the route. Who is touched now is left out now, and not for good.
+    The road does not end with the route, and is its lanes alone, also in junctions. Who is touched now is left out now,
+    and not for good.
     """
 
     vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)

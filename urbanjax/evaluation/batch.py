@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import itertools
 import queue
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -80,25 +81,35 @@ def _ended(
             yield from _stream(loop, numbered, traffic, chunk, logs)
             continue
         found: queue.SimpleQueue = queue.SimpleQueue()
+        stop = threading.Event()
 
-        def work(k: int, mine: list[Numbered], found: queue.SimpleQueue = found) -> None:
+        def work(k: int, mine: list[Numbered], found: queue.SimpleQueue = found, stop: Any = stop) -> None:
+            end: Any = None
             try:
                 with jax.default_device(devices[k]):
-                    for pair in _stream(loop, mine, traffic, chunk, logs):
+                    for pair in _stream(
+                        loop, itertools.takewhile(lambda _: not stop.is_set(), mine), traffic, chunk, logs
+                    ):
                         found.put(pair)
+            except BaseException as error:
+                end = error
             finally:
-                found.put(None)
+                found.put(end)
 
         with ThreadPoolExecutor(len(devices)) as pool:
-            tasks = [pool.submit(work, k, numbered[k :: len(devices)]) for k in range(len(devices))]
-            ended = 0
-            while ended < len(tasks):
-                pair = found.get()
-                ended += pair is None
-                if pair is not None:
-                    yield pair
-            for task in tasks:
-                task.result()  # raises what stopped it
+            try:
+                for k in range(len(devices)):
+                    pool.submit(work, k, numbered[k :: len(devices)])
+                ended = 0
+                while ended < len(devices):
+                    pair = found.get()
+                    if isinstance(pair, BaseException):
+                        raise pair
+                    ended += pair is None
+                    if pair is not None:
+                        yield pair
+            finally:
+                stop.set()  # the others end with the drives that they have begun
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:

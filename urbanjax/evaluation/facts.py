@@ -64,7 +64,7 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
     place = jax.vmap(lambda position, heading: progress(case.corridor, position, heading=heading))(
         ego.position, ego.heading
     )
-    lane = _lane(case, place, ego)
+    lane = _lane(case, place, ego, log.offset)
     time = log.time - log.time[0]
     passed = place.station >= case.goal
     earlier = jnp.concatenate([jnp.zeros((1,), bool), jnp.cumsum(passed)[:-1] > 0])
@@ -108,8 +108,11 @@ class _LaneThere:
     speed_limit: Array
 
 
-def _lane(case: Case, place: Progress, ego: Objects) -> _LaneThere:
-    """The lane whose centre is nearest, in units of its width."""
+def _lane(case: Case, place: Progress, ego: Objects, marked: Float[Array, " t"]) -> _LaneThere:
+    """The lane whose centre is nearest, in units of its width.
+
+    Where the route changes lanes its reference line leaves the marked one, of whose centre the ego is `marked` m off.
+    """
     corridor = case.corridor
     at = sample(corridor, place.station)
     away = jnp.abs(place.offset[:, None] - at.lane_offset) / at.lane_width
@@ -125,7 +128,7 @@ def _lane(case: Case, place: Progress, ego: Objects) -> _LaneThere:
         offset=offset,
         oncoming=of_lane(at.oncoming),
         permitted=of_lane(_permitted(corridor, _rows(corridor, place.station))),
-        whole=jnp.abs(offset) + reach <= of_lane(at.lane_width) / 2,
+        whole=jnp.maximum(jnp.abs(offset), jnp.abs(marked)) + reach <= of_lane(at.lane_width) / 2,
         junction=case.lanes.graph.road_type[of_lane(corridor.lane_link[_rows(corridor, place.station)])]
         == RoadType.JUNCTION,
         speed_limit=at.speed_limit,

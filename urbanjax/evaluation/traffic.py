@@ -27,7 +27,7 @@ def mixed(rng: np.random.Generator, traffic: Traffic) -> Traffic:
     return _with(
         traffic,
         headway=rng.uniform(0.7, 2.2, n),
-        desired_speed=traffic.desired_speed * rng.uniform(0.8, 1.2, n),
+        desired_speed=np.where(traffic.reacts, traffic.desired_speed * rng.uniform(0.8, 1.2, n), traffic.desired_speed),
         politeness=rng.uniform(0.0, 0.6, n),
         changes=(rng.random(n) < 0.5) & traffic.reacts,
     )
@@ -38,7 +38,7 @@ def assertive(rng: np.random.Generator, traffic: Traffic) -> Traffic:
     return _with(
         traffic,
         headway=np.full(len(traffic.valid), 0.6),
-        desired_speed=traffic.desired_speed * 1.2,
+        desired_speed=np.where(traffic.reacts, traffic.desired_speed * 1.2, traffic.desired_speed),
         politeness=np.zeros(len(traffic.valid)),
         changes=np.asarray(traffic.reacts),
     )

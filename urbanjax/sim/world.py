@@ -70,6 +70,7 @@ class WorldState:
     time: Array  # [] s
     count: Array  # [] int32, policy steps so far
     replay: Replay | None = None  # recorded road users; simulated traffic does not see them
+    ego_route: Array | None = None  # [] int32, successor that traffic takes the ego to choose at forks; None: the first
 
 
 @pytree
@@ -145,7 +146,7 @@ def _decide(params: SimParams, lanes: LaneTables, world: WorldState, seen: Snaps
     """The choices of one policy step: traffic with begun changes, the ego's presence, what holds traffic back."""
     p, traffic, ego = params.traffic, world.traffic, world.ego
     presence = reaction.presence(lanes, seen.ego_link, ego=ego, vehicle=params.vehicle, params=params.reaction)
-    drivers = _drivers(lanes, traffic, presence, p)
+    drivers = _drivers(lanes, world, presence, p)
     held = _holds(lanes, seen.signals, drivers, p)
     if params.lane_changes:
         left = world.count % 2 == 0
@@ -155,12 +156,12 @@ def _decide(params: SimParams, lanes: LaneTables, world: WorldState, seen: Snaps
     return traffic, presence, Held(held, held_braking)
 
 
-def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: TrafficParams) -> mobil.Drivers:
-    """Traffic and, last, the ego: it follows the first successor and drives like the default driver.
+def _drivers(lanes: LaneTables, world: WorldState, seen: Presence, params: TrafficParams) -> mobil.Drivers:
+    """Traffic and, last, the ego: it follows `ego_route` and drives like the default driver.
 
     An ego that is outside its own lane (off the road, or on the oncoming side) has no say here.
     """
-    present = seen.reach[reaction.BASE] > 0
+    traffic, present = world.traffic, seen.reach[reaction.BASE] > 0
     side = jnp.where(seen.reach[reaction.LEFT] > seen.reach[reaction.RIGHT], reaction.LEFT, reaction.RIGHT)
     intrudes = present & seen.exists[side] & (seen.reach[side] > 0)
     other_station = jnp.where(intrudes, seen.station[side], -FAR)
@@ -177,7 +178,8 @@ def _drivers(lanes: LaneTables, traffic: Traffic, seen: Presence, params: Traffi
         join(them.half, 0.5 * seen.length),
         join(them.speed, jnp.maximum(seen.speed[0], 0.0)),
     )
-    route, exists = join(traffic.route, 0), join(traffic.valid, present)
+    own = 0 if world.ego_route is None else world.ego_route
+    route, exists = join(traffic.route, own), join(traffic.valid, present)
     chain = look_ahead(lanes, bodies.link, station=bodies.station, choice=route, exists=exists, n_links=params.n_links)
     headway = join(traffic.headway, params.idm.time_headway)
     factor = join(traffic.desired_speed, 1.0)

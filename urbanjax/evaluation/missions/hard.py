@@ -11,11 +11,11 @@ WALKED = dataclasses.replace(StageSize(), n_recorded=1, n_times=round(LONGEST / 
 
 
 def congestion() -> Mission:
-    """Get on in dense lanes that start, crawl and stop.
+    """Get on in dense lanes that start and crawl.
 
     Success: 40 m within 30 s. Failure: a violation, foremost running into the one ahead.
     """
-    return Mission("congestion", 11, drawn_roads.multilane, casts.congestion, way=40.0, pace=0.1)
+    return Mission("congestion", 11, drawn_roads.multilane, casts.congestion, way=40.0, pace=0.05)
 
 
 def lane_drop() -> Mission:
@@ -29,17 +29,17 @@ def lane_drop() -> Mission:
 def oncoming_overtake() -> Mission:
     """Pass a slow vehicle in the lane of those who come the other way.
 
-    Success: 130 m at 0.5 of the speed limit, plus 4 s. Failure: a violation, or still behind it when the time is up.
+    Success: 145 m at 0.55 of the speed limit, plus 4 s. Failure: a violation, or still behind it when the time is up.
     """
-    return Mission("oncoming_overtake", 13, drawn_roads.undivided, casts.oncoming_overtake, way=130.0, pace=0.5)
+    return Mission("oncoming_overtake", 13, drawn_roads.undivided, casts.oncoming_overtake, way=145.0, pace=0.55)
 
 
 def roundabout() -> Mission:
     """Enter a roundabout between those who drive in it, and leave it at the first, second or third leg.
 
-    Success: 115 m within 30 s. Failure: a violation, foremost a collision, or waiting for ever.
+    Success: 10 m behind the ring within 30 s. Failure: a violation, foremost a collision, or waiting for ever.
     """
-    return Mission("roundabout", 17, drawn_roads.ring, casts.cross_traffic, way=115.0, pace=0.3)
+    return Mission("roundabout", 17, drawn_roads.ring, casts.ring_traffic, way=None, pace=0.15)
 
 
 def double_parked() -> Mission:
@@ -47,7 +47,7 @@ def double_parked() -> Mission:
 
     Success: 130 m within 30 s. Failure: a violation, or standing behind them.
     """
-    return Mission("double_parked", 14, drawn_roads.undivided, casts.double_parked, way=130.0, pace=0.3)
+    return Mission("double_parked", 14, drawn_roads.undivided, casts.double_parked, way=130.0, pace=0.2)
 
 
 def tight_right() -> Mission:
@@ -60,11 +60,11 @@ def tight_right() -> Mission:
 
 
 def pedestrian() -> Mission:
-    """Let somebody live who steps out 1.5 to 3.5 s before the ego would be there.
+    """Let somebody live who steps out at most 3.5 s before the ego would be there.
 
     Success: 110 m within 30 s. Failure: a violation, foremost touching the pedestrian.
     """
-    return Mission("pedestrian", 16, drawn_roads.dual, casts.stepping_out, way=110.0, pace=0.3, size=WALKED)
+    return Mission("pedestrian", 16, drawn_roads.dual, casts.stepping_out, way=110.0, pace=0.2, size=WALKED)
 
 
 HARD = (congestion(), lane_drop(), oncoming_overtake(), roundabout(), double_parked(), tight_right(), pedestrian())

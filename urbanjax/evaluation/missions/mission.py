@@ -15,6 +15,7 @@ from urbanjax.vehicle.params import VehicleParams
 
 ROADS = 16  # that a mission draws; seed after seed takes the next one
 LONGEST = 30.0  # s, of any drive
+BEYOND = 10.0  # m, behind the last junction
 SLACK = 4.0  # s, on top of the time that the pace of a mission gives
 
 
@@ -26,13 +27,13 @@ class Mission:
     number: int  # of the generator's seed: missions draw independently
     road: Callable[[np.random.Generator], DrawnRoad]
     cast: Callable[[np.random.Generator, Cast], None]
-    way: float  # m, from the start to the goal
+    way: float | None  # m, from the start to the goal; None: to `BEYOND` the last junction
     pace: float  # of the speed limit, that the time limit asks for
     size: StageSize = StageSize()
 
-    def limit(self, speed_limit: float) -> float:
-        """Time [s] in which the goal is to be reached. Args: speed_limit m/s."""
-        return min(self.way / (self.pace * speed_limit) + SLACK, LONGEST)
+    def limit(self, way: float, speed_limit: float) -> float:
+        """Time [s] in which the goal is to be reached. Args: way m, to it; speed_limit m/s."""
+        return min(way / (self.pace * speed_limit) + SLACK, LONGEST)
 
     def case(self, seed: int, *, others: TrafficParams, vehicle: VehicleParams) -> Case:
         """The drive of a seed: the same for every driver, and whatever else is drawn.
@@ -42,12 +43,13 @@ class Mission:
         where, speed_limit = _stage(self, seed % ROADS)
         cast = Cast(where, others, vehicle=vehicle)
         self.cast(np.random.default_rng([self.number, seed, 1]), cast)
-        goal = cast.start + float(vehicle.centre_offset) + self.way
-        numbers = as_arrays({"goal": goal, "limit": self.limit(speed_limit)})
+        start = cast.start + float(vehicle.centre_offset)
+        way = where.beyond_junctions() + BEYOND - start if self.way is None else self.way
+        numbers = as_arrays({"goal": start + way, "limit": self.limit(way, speed_limit)})
         return Case(where.corridor, where.lanes, cast.world(), **jax.device_get(numbers))
 
 
-@functools.cache
+@functools.lru_cache(maxsize=512)
 def _stage(mission: Mission, which: int) -> tuple[Stage, float]:
     """One of the roads of a mission, made once."""
     road = mission.road(np.random.default_rng([mission.number, which, 0]))

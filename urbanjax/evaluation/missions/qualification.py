@@ -1,7 +1,7 @@
 """The eight missions of the competition's qualification. Each is won by reaching the goal in time without a violation.
 
-Violations are at-fault collisions, leaving the road, red signals, speeding and driving in the oncoming lane where
-nobody stands in the own one; see `scores.competition`.
+Violations are at-fault collisions, leaving the road, red signals, speeding and driving in an oncoming lane that may not
+be used to overtake; see `scores.competition`.
 """
 
 from functools import partial
@@ -37,7 +37,7 @@ def narrow_passage() -> Mission:
 def accident_vehicle() -> Mission:
     """Get past vehicles that stand in the ego's lane while others pass beside.
 
-    Success: 150 m at 0.5 of the speed limit, plus 4 s. Failure: a violation, or standing behind them.
+    Success: 150 m at 0.5 of the speed limit, plus 4 s, at most 30 s. Failure: a violation, or standing behind them.
     """
     return Mission("accident_vehicle", 4, drawn_roads.multilane, casts.accident, way=150.0, pace=0.5)
 
@@ -48,7 +48,7 @@ def unsignalised() -> Mission:
     Success: 115 m within 30 s. Failure: a violation, foremost a collision, or waiting for ever.
     """
     road = partial(drawn_roads.crossing, turn="straight", signals=False)
-    return Mission("unsignalised", 5, road, casts.cross_traffic, way=115.0, pace=0.3)
+    return Mission("unsignalised", 5, road, casts.cross_traffic, way=115.0, pace=0.2)
 
 
 def signal_straight() -> Mission:

@@ -13,6 +13,9 @@ EGO_PACE = (0.6, 0.95)  # of the speed limit
 OTHERS_PACE = (0.5, 0.9)
 SLOW = (1.5, 4.0)  # m/s, of a leader that is to be passed
 ROOM = 4.0  # m, free around every vehicle at the start
+LINE = 3.0  # m from the end of a leg, before which one can stop
+COMFORT = 2.0  # m/s^2, of that
+LEAVES = 0.7  # share of those in a roundabout who leave it at the next leg
 PERIOD = 0.1  # s, of what is written
 
 
@@ -81,7 +84,7 @@ def cut_in(rng: np.random.Generator, cast: Cast) -> None:
 def accident(rng: np.random.Generator, cast: Cast) -> None:
     """One or two vehicles that stand in the ego's lane 45 to 80 m ahead, others pass beside. Args: rng; cast."""
     enter(rng, cast)
-    station = cast.front + float(rng.uniform(45.0, 80.0))
+    station = cast.front + float(rng.uniform(45.0, 80.0)) + cast.half
     for _ in range(int(rng.integers(1, 3))):
         cast.add_standing(station, offset=float(rng.uniform(-0.5, 0.5)))
         station += 2 * cast.half + float(rng.uniform(0.5, 3.0))
@@ -91,7 +94,7 @@ def accident(rng: np.random.Generator, cast: Cast) -> None:
 def narrow(rng: np.random.Generator, cast: Cast) -> None:
     """Vehicles that stand on both sides and leave the ego's width and 0.7 to 1.5 m. Args: rng; cast."""
     enter(rng, cast)
-    station = cast.front + float(rng.uniform(35.0, 70.0))
+    station = cast.front + float(rng.uniform(35.0, 70.0)) + cast.half
     left = cast.stage.offset(station, 1)
     middle, room = left / 2 + float(rng.uniform(-0.3, 0.3)), float(cast.vehicle.width) + float(rng.uniform(0.7, 1.5))
     reach = (room + float(cast.others.vehicle_width)) / 2
@@ -111,7 +114,7 @@ def oncoming_overtake(rng: np.random.Generator, cast: Cast) -> None:
 def double_parked(rng: np.random.Generator, cast: Cast) -> None:
     """One or two vehicles that stand in most of the ego's lane, oncoming ones beside. Args: rng; cast."""
     enter(rng, cast)
-    station = cast.front + float(rng.uniform(35.0, 70.0))
+    station = cast.front + float(rng.uniform(35.0, 70.0)) + cast.half
     for _ in range(int(rng.integers(1, 3))):
         cast.add_standing(station, offset=float(rng.uniform(-1.2, -0.2)))
         station += 2 * cast.half + float(rng.uniform(1.0, 25.0))
@@ -128,7 +131,7 @@ def oncoming(rng: np.random.Generator, cast: Cast, *, count: int) -> None:
 def congestion(rng: np.random.Generator, cast: Cast) -> None:
     """Dense lanes in which everybody starts and crawls, at a wish of 2 to 5 m/s. Args: rng; cast."""
     cast.add_ego(START, speed=float(rng.uniform(1.0, 4.0)))
-    for lane in cast.stage.lanes_at(START)[-3:]:
+    for lane in sorted(cast.stage.lanes_at(START), key=abs)[:3]:
         station = cast.front + float(rng.uniform(4.0, 8.0)) if lane == 0 else START + float(rng.uniform(-12.0, 4.0))
         for _ in range(4):
             wish = float(rng.uniform(2.0, 5.0)) / limit_of(cast)
@@ -139,11 +142,13 @@ def congestion(rng: np.random.Generator, cast: Cast) -> None:
 def merging(rng: np.random.Generator, cast: Cast) -> None:
     """Traffic in the lane into which the ego has to merge. Args: rng; cast, on a road whose right lane ends."""
     enter(rng, cast)
-    fill(rng, cast, count=int(rng.integers(2, 6)), lanes=[1], reach=(5.0, START + 90.0))
+    graph, beside_it = cast.stage.graph, int(cast.stage.graph.left_link[cast.ego_link])
+    for station in spread(rng, cast, reach=(5.0, float(graph.length[beside_it])), count=int(rng.integers(3, 8))):
+        cast.add_on(beside_it, station, speed=float(rng.uniform(*OTHERS_PACE)) * limit_of(cast))
 
 
 def stepping_out(rng: np.random.Generator, cast: Cast) -> None:
-    """A pedestrian who walks across 1.5 to 3.5 s before the ego would be there. Args: rng; cast."""
+    """A pedestrian who steps out at most 3.5 s before the ego would be there, and walks across. Args: rng; cast."""
     speed = enter(rng, cast)
     away, walk = float(rng.uniform(25.0, 50.0)), float(rng.uniform(1.2, 2.0))
     station = cast.front + away
@@ -158,8 +163,27 @@ def stepping_out(rng: np.random.Generator, cast: Cast) -> None:
     fill(rng, cast, count=int(rng.integers(0, 3)), lanes=beside(cast), reach=(5.0, START))
 
 
+def spread(rng: np.random.Generator, cast: Cast, *, reach: tuple[float, float], count: int) -> list[float]:
+    """Up to `count` stations [m] that are far enough apart. Args: rng; cast; reach [m]; count."""
+    found: list[float] = []
+    for station in np.sort(rng.uniform(*reach, count)):
+        if not found or station - found[-1] > 2 * cast.half + ROOM:
+            found.append(float(station))
+    return found
+
+
+def ring_traffic(rng: np.random.Generator, cast: Cast) -> None:
+    """Vehicles on the other legs of a roundabout: most leave at the next leg, the others go round. Args: rng; cast."""
+    cross_traffic(rng, cast)
+    for row in cast.rows:
+        row["route"] = int(rng.random() < LEAVES)
+
+
 def cross_traffic(rng: np.random.Generator, cast: Cast) -> None:
-    """Vehicles on the other legs of an intersection, which turn as they like. Args: rng; cast."""
+    """Vehicles on the other legs of an intersection, slow enough to stop there, which turn as they like.
+
+    Args: rng; cast.
+    """
     enter(rng, cast)
     graph = cast.stage.graph
     comes_in = np.flatnonzero(np.asarray(graph.valid) & ~np.asarray(graph.has_predecessor).any(1))
@@ -167,12 +191,12 @@ def cross_traffic(rng: np.random.Generator, cast: Cast) -> None:
     for side, there in ((graph.left_link, graph.has_left), (graph.right_link, graph.has_right)):
         own |= {int(side[cast.ego_link])} if bool(there[cast.ego_link]) else set()
     for link in rng.permutation([int(x) for x in comes_in if int(x) not in own]):
-        for station in np.sort(rng.uniform(5.0, float(graph.length[link]) - 10.0, int(rng.integers(0, 3)))):
-            rows = [row["station"] for row in cast.rows if row["link"] == int(link)]
-            full = len(cast.rows) >= cast.stage.size.n_vehicles
-            if not full and all(abs(station - other) > 2 * cast.half + ROOM for other in rows):
-                speed = float(rng.uniform(*OTHERS_PACE)) * limit_of(cast)
-                cast.add_on(int(link), float(station), speed=speed, route=int(rng.integers(0, 12)))
+        length = float(graph.length[link])
+        for station in spread(rng, cast, reach=(5.0, length - 10.0), count=int(rng.integers(0, 3))):
+            if len(cast.rows) < cast.stage.size.n_vehicles:
+                room = max(length - LINE - cast.half - station, 0.0)
+                speed = min(float(rng.uniform(*OTHERS_PACE)) * limit_of(cast), float(np.sqrt(2 * COMFORT * room)))
+                cast.add_on(int(link), station, speed=speed, route=int(rng.integers(0, 12)))
 
 
 def signalised(rng: np.random.Generator, cast: Cast) -> None:

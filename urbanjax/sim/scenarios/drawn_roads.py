@@ -19,7 +19,7 @@ LEAD = 100.0  # m, before and after a bend
 SECTION = 100.0  # m, of a link
 LEG = 100.0  # m, of an intersection
 TIGHT = (2.5, 4.0)  # m, from the edge of the road to the ends of the legs, at a corner for tight turns
-RING = (14.0, 24.0)  # m, radius of a roundabout
+RING = (12.0, 18.0)  # m, radius of a roundabout
 LEGS = 4
 STEPS = {"left": 3, "straight": 2, "right": 1}  # legs further on, counter-clockwise
 
@@ -32,7 +32,6 @@ class DrawnRoad:
     start: int
     goal: int
     speed_limit: float  # m/s
-    lane_width: float  # m
 
 
 def style(rng: np.random.Generator) -> RoadStyle:
@@ -51,21 +50,21 @@ def multilane(rng: np.random.Generator) -> DrawnRoad:
         radius = float(rng.uniform(*RADIUS))
         angle = float(rng.choice([-1, 1]) * (LENGTH - 2 * LEAD) / radius)
         graph = curve(radius, angle, n_lanes=n, lead=LEAD, style=how)
-    return DrawnRoad(graph, lane, graph.length.shape[0] - n + lane, how.speed_limit, how.lane_width)
+    return DrawnRoad(graph, lane, graph.length.shape[0] - n + lane, how.speed_limit)
 
 
 def dual(rng: np.random.Generator) -> DrawnRoad:
     """Two lanes in one direction, straight; the route keeps the right one. Args: rng."""
     how = style(rng)
     graph = straight(2, LENGTH, style=how)
-    return DrawnRoad(graph, 1, graph.length.shape[0] - 1, how.speed_limit, how.lane_width)
+    return DrawnRoad(graph, 1, graph.length.shape[0] - 1, how.speed_limit)
 
 
 def undivided(rng: np.random.Generator) -> DrawnRoad:
     """One lane each way, where the oncoming lane may be used to overtake. Args: rng."""
     how = style(rng)
     plain = RoadStyle(lane_width=how.lane_width, speed_limit=how.speed_limit)
-    return DrawnRoad(two_way(length=LENGTH, style=plain), 0, 0, how.speed_limit, how.lane_width)
+    return DrawnRoad(two_way(length=LENGTH, style=plain), 0, 0, how.speed_limit)
 
 
 def lane_drop(rng: np.random.Generator) -> DrawnRoad:
@@ -80,7 +79,7 @@ def lane_drop(rng: np.random.Generator) -> DrawnRoad:
         lane_width=how.lane_width,
         speed_limit=how.speed_limit,
     )
-    return DrawnRoad(assemble(specs, how.n_points), n - 1, 2 * n - 2, how.speed_limit, how.lane_width)
+    return DrawnRoad(assemble(specs, how.n_points), n - 1, 2 * n - 2, how.speed_limit)
 
 
 def crossing(rng: np.random.Generator, *, turn: str, signals: bool, tight: bool = False) -> DrawnRoad:
@@ -96,7 +95,7 @@ def crossing(rng: np.random.Generator, *, turn: str, signals: bool, tight: bool 
     leg = int(rng.integers(LEGS)) if signals or tight else int(rng.choice([1, 3]))
     lane = {"left": 0, "straight": int(rng.integers(n)), "right": n - 1}[turn]
     goal = (LEGS + (leg + STEPS[turn]) % LEGS) * n + lane
-    return DrawnRoad(graph, leg * n + lane, goal, how.speed_limit, how.lane_width)
+    return DrawnRoad(graph, leg * n + lane, goal, how.speed_limit)
 
 
 def ring(rng: np.random.Generator) -> DrawnRoad:
@@ -104,4 +103,4 @@ def ring(rng: np.random.Generator) -> DrawnRoad:
     how = style(rng)
     leg, onwards = int(rng.integers(LEGS)), int(rng.integers(1, LEGS))
     graph = roundabout(float(rng.uniform(*RING)), leg=LEG, style=how)
-    return DrawnRoad(graph, leg, LEGS + (leg + onwards) % LEGS, how.speed_limit, how.lane_width)
+    return DrawnRoad(graph, leg, LEGS + (leg + onwards) % LEGS, how.speed_limit)

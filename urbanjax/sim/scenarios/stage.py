@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.roadmap.corridor import Corridor, CorridorParams, corridor_along
-from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.roadmap.padding import GraphSize, pad
 from urbanjax.roadmap.route import RouteParams, route_between
 from urbanjax.sim import lanes as tables
@@ -20,6 +20,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import RoadUser, ScenarioError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
+SAME_LANE = 1.8  # m aside, from which on somebody is in another lane
 STILL = 1e-3  # m/s, below which what is written has no direction
 
 
@@ -84,6 +85,23 @@ class Stage:
         k = int(np.argmin(np.linalg.norm(line[:-1] + share[:, None] * step - position, axis=1)))
         return float(station[k] + share[k] * (station[k + 1] - station[k]))
 
+    def on(self, link: int, station: float) -> np.ndarray:
+        """The point [2] m of a link at a station. Args: link; station m along it."""
+        line, stations = np.asarray(self.graph.centre[link], float), np.asarray(self.graph.station[link], float)
+        return np.array([np.interp(station, stations, line[:, i]) for i in range(2)])
+
+    def beyond_junctions(self) -> float:
+        """Station [m] at which the last junction of the route ends."""
+        link = np.asarray(self.corridor.lane_link[:, self.corridor.route_lane])
+        inside = (np.asarray(self.graph.road_type)[link] == RoadType.JUNCTION) & np.asarray(self.corridor.valid)
+        return float(self.corridor.station[np.flatnonzero(inside)[-1]])
+
+    def choice(self, link: int) -> int:
+        """Which of a link's successors the route takes. Args: link, on the route."""
+        following = [int(x) for x in self.lanes.successor[link][: int(self.lanes.n_successors[link])]]
+        driven = set(np.asarray(self.corridor.lane_link[:, self.corridor.route_lane]).tolist())
+        return next((k for k, there in enumerate(following) if there in driven), 0)
+
     def lanes_at(self, station: float) -> list[int]:
         """The lanes in the route's direction there, as numbers to the left of it. Args: station m."""
         row = self._row(station)
@@ -91,12 +109,12 @@ class Stage:
         return [int(q) - self.corridor.route_lane for q in np.flatnonzero(there)]
 
 
-def stage(graph: RoadGraph, start: int, *, goal: int, size: StageSize, via: tuple[int, ...] = ()) -> Stage:
-    """The stage along the cheapest route. Args: graph; start and goal, links; size, of all arrays; via, links."""
+def stage(graph: RoadGraph, start: int, *, goal: int, size: StageSize) -> Stage:
+    """The stage along the cheapest route. Args: graph; start and goal, links; size, of all arrays."""
     graph = pad(graph, size.graph)
     zone: dict[str, Any] = {"area": jnp.zeros_like(graph.area), "area_names": ("",), "n_signals": size.n_signals}
     graph = graph.replace(**zone)
-    found = route_between(graph, start, goal=goal, via=via, params=RouteParams(n_links=32))
+    found = route_between(graph, start, goal=goal, params=RouteParams(n_links=32))
     lanes = tables.from_graph(graph).replace(has_conflicts=True)
     params = as_arrays(CorridorParams(n_stations=size.n_stations))
     corridor, lanes = jax.device_get((_corridor(graph, found, params=params), lanes))
@@ -173,8 +191,10 @@ class Cast:
 
     def free(self, station: float, lane: int, *, gap: float) -> bool:
         """Whether nobody stands within a distance. Args: station m; lane, to the left of the route's; gap m."""
-        link, along = self.stage.place(station, lane)
-        return all(row["link"] != link or abs(row["station"] - along) >= gap for row in self.rows)
+        position, heading = self.stage.point(station, self.stage.offset(station, lane))
+        frame = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+        away = [np.abs((self.stage.on(row["link"], row["station"]) - position) @ frame) for row in self.rows]
+        return all(along >= gap or across >= SAME_LANE for along, across in away)
 
     def world(self) -> WorldState:
         """The world at time 0."""
@@ -189,6 +209,7 @@ class Cast:
                 time=jnp.zeros(()),
                 count=jnp.asarray(0, jnp.int32),
                 replay=self._replay(),
+                ego_route=jnp.asarray(self.stage.choice(self.ego_link), jnp.int32),
             ),
         )
 
