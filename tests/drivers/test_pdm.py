@@ -139,6 +139,7 @@ def test_it_brakes_in_full_where_nothing_else_helps(runs):
     assert gaps(log).min() > 0
 
 
+@pytest.mark.slow
 def test_a_batch_equals_single_runs(scene, runs):
     drive, starts = scene
     alone = jax.jit(drive)

@@ -49,21 +49,62 @@ def home(tmp_path_factory):
     return root
 
 
-def run(home, *arguments):
-    command = [sys.executable, "-m", "programs.toy", *arguments]
+# Imports once what takes long to import, then runs the program in a fork of itself for every line of arguments.
+SERVER = """
+import json, os, runpy, sys, traceback
+import hydra, omegaconf, urbanjax.io.runs.cli
+for line in sys.stdin:
+    arguments = json.loads(line)
+    child = os.fork()
+    if not child:
+        for number, name in ((1, "stdout"), (2, "stderr")):
+            os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+        sys.argv, code = ["toy", *arguments], 0
+        try:
+            runpy.run_module("programs.toy", run_name="__main__", alter_sys=True)
+        except SystemExit as end:
+            code = end.code or 0
+        except BaseException:
+            traceback.print_exc()
+            code = 1
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def server(home):
     environment = {"PYTHONPATH": f"{home}:{REPOSITORY}", "JAX_PLATFORMS": "cpu", "PATH": "/usr/bin:/bin"}
-    return subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", SERVER], cwd=home, env=environment, **pipes) as process:
+        yield process
+        process.stdin.close()
 
 
-def test_cfg_job_shows_every_value(home):
-    done = run(home, "--cfg", "job")
+@pytest.fixture
+def run(home, server):
+    """The program as typed: its exit code, and what it prints."""
+
+    def program(*arguments):
+        server.stdin.write(json.dumps(arguments) + "\n")
+        server.stdin.flush()
+        code = int(server.stdout.readline())
+        return subprocess.CompletedProcess(arguments, code, *((home / x).read_text() for x in ("stdout", "stderr")))
+
+    return program
+
+
+def test_cfg_job_shows_every_value(home, run):
+    done = run("--cfg", "job")
     assert done.returncode == 0, done.stderr
     assert "wheelbase: 2.8" in done.stdout
     assert "seed: 0" in done.stdout
 
 
-def test_a_run_ends_with_its_directory_and_manifest(home):
-    done = run(home, "preset=short", "hydra.run.dir=outputs/one")
+def test_a_run_ends_with_its_directory_and_manifest(home, run):
+    done = run("preset=short", "hydra.run.dir=outputs/one")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "run directory: outputs/one"
     manifest = json.loads((home / "outputs/one/manifest.json").read_text())
@@ -94,8 +135,8 @@ def test_a_run_ends_with_its_directory_and_manifest(home):
         ("fail=true", "the scene is empty"),
     ],
 )
-def test_a_mistake_is_one_line_and_exit_code_two(home, argument, message):
-    done = run(home, argument)
+def test_a_mistake_is_one_line_and_exit_code_two(home, run, argument, message):
+    done = run(argument)
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert message in done.stderr
@@ -107,8 +148,8 @@ def test_a_mistake_is_one_line_and_exit_code_two(home, argument, message):
     [["vehicle.max_speed=50"], ["vehicle.max_speed=40.0"], ["-m", "vehicle.max_speed=40,50"], ["preset=fast"]],
     ids=["changed", "as it is", "swept", "preset"],
 )
-def test_a_value_that_nothing_reads_ends_the_program(home, arguments):
-    done = run(home, *arguments, "hydra.run.dir=outputs/unread")
+def test_a_value_that_nothing_reads_ends_the_program(home, run, arguments):
+    done = run(*arguments, "hydra.run.dir=outputs/unread")
     assert done.returncode == 2
     assert done.stderr == "error: 'vehicle.max_speed' is read by nothing here: nobody drives, see 'grid'\n"
     assert not (home / "outputs/unread").exists()
