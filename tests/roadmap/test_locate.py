@@ -7,8 +7,9 @@ import pytest
 
 from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadType
-from urbanjax.roadmap.locate import LocateParams, follow, locate, misfit
+from urbanjax.roadmap.locate import LocateParams, follow, locate, misfit, onwards
 from urbanjax.roadmap.padding import GraphSize, pad
+from urbanjax.types import RoadError
 
 locate_jit = jax.jit(locate)
 follow_jit = jax.jit(follow)
@@ -111,10 +112,16 @@ def test_hysteresis_keeps_the_lane_until_the_other_is_clearly_nearer(road):
 
 
 def test_a_pose_is_followed_to_neighbours_and_successors_with_hysteresis(road):
+    ways, params = onwards(road), LocateParams()
+
     def link(previous, x, y, heading=0.0):
         start = jnp.asarray(previous, jnp.int32)
         where = jnp.asarray([x, y], jnp.float32)
-        return int(follow_jit(road, start, position=where, heading=jnp.float32(heading), params=LocateParams()))
+        return int(
+            follow_jit(
+                road, start, ways=onwards(road), position=where, heading=jnp.float32(heading), params=LocateParams()
+            )
+        )
 
     assert link(2, 50.0, 0.1) == link(2, 50.0, 1.95) == link(1, 50.0, 1.45) == 2
     assert link(2, 50.0, 2.05) == link(1, 50.0, 1.55) == 1
@@ -128,7 +135,8 @@ def test_where_a_pose_can_be_it_is_followed_to_what_is_located(district):
     station = rng.uniform(0.02, 0.98, N) * np.asarray(district.length)[link]
     position, heading = poses(district, link, station, rng.uniform(-1.0, 1.0, N))
     params = LocateParams()
-    each = jax.jit(jax.vmap(lambda k, p, h: follow(district, k, position=p, heading=h, params=params)))
+    ways = onwards(district)
+    each = jax.jit(jax.vmap(lambda k, p, h: follow(district, k, ways=ways, position=p, heading=h, params=params)))
     found = locate_jit(district, position, heading=heading).link
     np.testing.assert_array_equal(each(found, position, heading), found)
     has = np.asarray(district.has_predecessor[found, 0])
@@ -140,7 +148,8 @@ def test_where_a_pose_can_be_it_is_followed_to_what_is_located(district):
 def test_a_wrong_way_of_a_fork_is_left_when_the_right_one_shows(crossing, offset):
     """Beside the centre on either side, where another way of the fork is nearer at first."""
     params, forks = LocateParams(), np.flatnonzero(np.asarray(crossing.has_successor).sum(1) > 1)
-    step = jax.jit(jax.vmap(lambda k, p, h: follow(crossing, k, position=p, heading=h, params=params)))
+    table = onwards(crossing)
+    step = jax.jit(jax.vmap(lambda k, p, h: follow(crossing, k, ways=table, position=p, heading=h, params=params)))
     ways = [(int(a), int(b)) for a in forks for b in crossing.successor[a][np.asarray(crossing.has_successor[a])]]
     link, goal = (np.array(column, np.int32) for column in zip(*ways, strict=True))
     now = jnp.asarray(link)
@@ -174,3 +183,16 @@ def test_padding_links_are_never_found(road):
     a, b = (locate_jit(graph, position, heading=jnp.zeros(2)) for graph in (road, more))
     for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
         np.testing.assert_array_equal(x, y)
+
+
+def test_what_can_be_reached_at_once_is_stated_once(road, crossing):
+    plain = onwards(road)
+    assert plain.link.shape == (6, 4)  # itself, two beside, one ahead
+    found = onwards(crossing)
+    for k in range(32):
+        there = np.asarray(found.link[k])[np.asarray(found.exists[k])]
+        assert len(set(there.tolist())) == len(there)
+        ahead = np.asarray(crossing.successor[k])[np.asarray(crossing.has_successor[k])]
+        assert {k, *ahead.tolist()} <= set(there.tolist())
+    with pytest.raises(RoadError, match="raise the number"):
+        onwards(crossing, 4)

@@ -20,7 +20,7 @@ def _braking(lanes, params, traffic, ego, link, relaxation):
     centre = box_centre(ego, params.vehicle)
     seen = reaction.presence(
         lanes,
-        follow(lanes.graph, link, position=centre, heading=ego.heading, params=params.locate),
+        follow(lanes.graph, link, ways=lanes.ways, position=centre, heading=ego.heading, params=params.locate),
         ego=ego,
         vehicle=params.vehicle,
         params=params.reaction,

@@ -2,13 +2,14 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
 from urbanjax.numerics import safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.links import project
-from urbanjax.types import pytree, static
+from urbanjax.types import RoadError, pytree, static
 
 TINY = 1e-6  # m^2, keeps chords of length 0 from dividing by 0
 FAR = 1e6  # m, the distance of a link that does not count
@@ -71,31 +72,61 @@ def locate(
     return Location(link, at.station, at.offset, safe.wrap_angle(heading - at.heading), at.distance, valid)
 
 
+@pytree
+class Onwards:
+    """Where one can be a moment later, for each of L links: E of them, of which the second and third lie beside."""
+
+    link: Array  # [L, E] int32
+    exists: Array  # [L, E] bool
+
+
+def onwards(graph: RoadGraph, size: int | None = None) -> Onwards:
+    """This link, its neighbours, its successors, and the other ways of the fork that it is one of (host side).
+
+    Those lie on each other at first, so that the one taken shows only later. Raises RoadError where there are more
+    than `size`. Args: graph, the road graph; size, E (None: as few as it can be).
+    """
+    left, right, has_left, has_right = (
+        np.asarray(x) for x in (graph.left_link, graph.right_link, graph.has_left, graph.has_right)
+    )
+    successor, has = np.asarray(graph.successor), np.asarray(graph.has_successor)
+    following = [successor[k][has[k]].tolist() for k in range(len(successor))]
+    forks: dict[int, list[int]] = {}
+    for ways in following:
+        for link in ways:
+            forks[link] = forks.get(link, []) + ways
+    rows = []
+    for k, ways in enumerate(following):
+        beside = ({int(left[k])} if has_left[k] else set()) | ({int(right[k])} if has_right[k] else set())
+        more = dict.fromkeys([*ways, *forks.get(k, [])])
+        rows.append([link for link in more if link != k and link not in beside])
+    longest = 3 + max(map(len, rows))
+    if size is not None and longest > size:
+        raise RoadError(f"from one link {longest} can be reached at once, more than {size}: raise the number")
+    table = np.zeros((len(rows), size or longest), np.int32)
+    exists = np.zeros(table.shape, bool)
+    table[:, 0], table[:, 1], table[:, 2] = np.arange(len(rows)), left, right
+    exists[:, 0], exists[:, 1], exists[:, 2] = True, has_left, has_right
+    for k, row in enumerate(rows):
+        table[k, 3 : 3 + len(row)], exists[k, 3 : 3 + len(row)] = row, True
+    return Onwards(jnp.asarray(table), jnp.asarray(exists))
+
+
 def follow(
     graph: RoadGraph,
     previous: Int[Array, ""],
     *,
+    ways: Onwards,
     position: Float[Array, "2"],
     heading: Float[Array, ""],
     params: LocateParams,
 ) -> Int[Array, ""]:
-    """The link of one pose that was on `previous` a moment ago: it, a neighbour, a successor, or another way of a fork.
+    """The link of one pose that was on `previous` a moment ago: one of its row in `ways`.
 
-    As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at. The ways of a
-    fork lie on each other at first, so that the one taken shows only later.
-    Args: graph, the road graph; previous, a link; position [2] m; heading [] rad.
+    As `locate`, but for a pose that cannot have got anywhere else: no link farther away is looked at.
+    Args: graph, the road graph; previous, a link; ways, from each link; position [2] m; heading [] rad.
     """
-    before = graph.predecessor[previous]
-    links = jnp.concatenate(
-        [
-            jnp.stack([previous, graph.left_link[previous], graph.right_link[previous]]),
-            graph.successor[previous],
-            graph.successor[before].reshape(-1),
-        ]
-    )
-    beside = jnp.stack([jnp.array(True), graph.has_left[previous], graph.has_right[previous]])
-    forks = graph.has_successor[before] & graph.has_predecessor[previous][:, None]
-    exists = jnp.concatenate([beside, graph.has_successor[previous], forks.reshape(-1)])
+    links, exists = ways.link[previous], ways.exists[previous]
     _, distance, angle = _nearest(graph, links[None], position[None])
     cost = distance + _heading_cost(safe.wrap_angle(heading - angle), params)
     aside = jnp.zeros(len(links), bool).at[1:3].set(True)  # the second and third of `links`

@@ -12,6 +12,7 @@ from urbanjax.geometry.polyline import Projection
 from urbanjax.numerics import polynomial
 from urbanjax.roadmap.edges import road_edges
 from urbanjax.roadmap.graph import RoadGraph, RoadType
+from urbanjax.roadmap.locate import Onwards, onwards
 from urbanjax.types import RoadError, pytree, static
 from urbanjax.types.arguments import kind, whole
 
@@ -33,21 +34,25 @@ class LaneTables:
     rival: Array  # [L, R] int32, links that cross or merge with this one inside a junction
     has_rival: Array  # [L, R] bool
     edge: Array  # [L * C, K, 8], the edges of the road near each part of a link, see `road_edges`
+    ways: Onwards  # [L, E], where one can be a moment later
     n_points: int = static(default=2)
     has_conflicts: bool = static(default=False)
 
 
-def from_graph(graph: RoadGraph, n_points: int = 63) -> LaneTables:
-    """The simulator's tables of a road graph; done once, outside jit. Args: graph; n_points, per link."""
+def from_graph(graph: RoadGraph, n_points: int = 63, *, n_ways: int | None = None) -> LaneTables:
+    """The simulator's tables of a road graph; done once, outside jit.
+
+    Args: graph; n_points, per link; n_ways, places for links that can be reached at once (None: as few as it can be).
+    """
     kind(graph, "graph", wanted=RoadGraph, error=RoadError)
     n_points = whole(n_points, "n_points", error=RoadError, least=2)
-    lanes = _tables(graph, road_edges(graph), n_points=n_points)
+    lanes = _tables(graph, road_edges(graph), onwards(graph, n_ways), n_points=n_points)
     entered_twice = jnp.sum(graph.has_predecessor, axis=1) > 1
     return lanes.replace(has_conflicts=bool(jnp.any(lanes.has_rival) | jnp.any(entered_twice)))
 
 
 @functools.partial(jax.jit, static_argnames="n_points")
-def _tables(graph: RoadGraph, edge: Array, n_points: int) -> LaneTables:
+def _tables(graph: RoadGraph, edge: Array, ways: Onwards, n_points: int) -> LaneTables:
     n_links = graph.station.shape[0]
     order = jnp.argsort(~graph.has_successor, axis=1, stable=True)
     count = jnp.sum(graph.has_successor, axis=1).astype(jnp.int32)
@@ -65,6 +70,7 @@ def _tables(graph: RoadGraph, edge: Array, n_points: int) -> LaneTables:
         rival=graph.conflict.astype(jnp.int32),
         has_rival=has_rival,
         edge=edge,
+        ways=ways,
         n_points=n_points,
     )
 

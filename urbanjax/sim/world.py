@@ -88,7 +88,14 @@ def look(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Snapshot
     centre = box_centre(world.ego, params.vehicle)
     return Snapshot(
         centre=centre,
-        ego_link=follow(lanes.graph, world.ego_link, position=centre, heading=world.ego.heading, params=params.locate),
+        ego_link=follow(
+            lanes.graph,
+            world.ego_link,
+            ways=lanes.ways,
+            position=centre,
+            heading=world.ego.heading,
+            params=params.locate,
+        ),
         others=everybody(params, lanes, world=world),
         signals=signals.show(world.signals, world.time),
     )

@@ -30,6 +30,7 @@ class StageSize:
 
     graph: GraphSize = GraphSize(n_links=48, n_successors=3, n_relations=9, n_signals_per_link=1)
     n_signals: int = 4
+    n_ways: int = 9  # links that can be reached at once from one
     n_stations: int = 640  # of the corridor, a metre apart
     n_vehicles: int = 12
     n_recorded: int = 0  # road users that move as written
@@ -115,7 +116,7 @@ def stage(graph: RoadGraph, start: int, *, goal: int, size: StageSize) -> Stage:
     zone: dict[str, Any] = {"area": jnp.zeros_like(graph.area), "area_names": ("",), "n_signals": size.n_signals}
     graph = graph.replace(**zone)
     found = route_between(graph, start, goal=goal, params=RouteParams(n_links=32))
-    lanes = tables.from_graph(graph).replace(has_conflicts=True)
+    lanes = tables.from_graph(graph, n_ways=size.n_ways).replace(has_conflicts=True)
     params = as_arrays(CorridorParams(n_stations=size.n_stations))
     corridor, lanes = jax.device_get((_corridor(graph, found, params=params), lanes))
     return Stage(corridor, lanes, size)
