@@ -117,11 +117,7 @@ def test_a_pose_is_followed_to_neighbours_and_successors_with_hysteresis(road):
     def link(previous, x, y, heading=0.0):
         start = jnp.asarray(previous, jnp.int32)
         where = jnp.asarray([x, y], jnp.float32)
-        return int(
-            follow_jit(
-                road, start, ways=onwards(road), position=where, heading=jnp.float32(heading), params=LocateParams()
-            )
-        )
+        return int(follow_jit(road, start, ways=ways, position=where, heading=jnp.float32(heading), params=params))
 
     assert link(2, 50.0, 0.1) == link(2, 50.0, 1.95) == link(1, 50.0, 1.45) == 2
     assert link(2, 50.0, 2.05) == link(1, 50.0, 1.55) == 1
