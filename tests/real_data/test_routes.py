@@ -13,7 +13,7 @@ from urbanjax.roadmap.padding import GraphSize
 from urbanjax.roadmap.route import RouteParams, Trip, plan_route
 from urbanjax.types import Status
 
-pytestmark = pytest.mark.real_data
+pytestmark = [pytest.mark.real_data, pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")]
 
 # Folder, how many maps it holds at least, and how many pairs are drawn on each.
 FOLDERS = [
