@@ -1,30 +1,15 @@
-"""Comfort as nuPlan tells it: smoothing against SciPy's filter, and rides on either side of each bound."""
+"""Comfort as nuPlan tells it: rides on either side of each bound."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import savgol_filter
 
 from urbanjax.types import VehicleState
-from urbanjax.vehicle.comfort import ComfortParams, comfortable, smoothing
+from urbanjax.vehicle.comfort import ComfortParams, comfortable
 from urbanjax.vehicle.params import VehicleParams
 
 COUNT, DT = 41, 0.1
-
-
-@pytest.mark.parametrize(("window", "order", "derivative"), [(0, 2, 0), (0, 2, 1), (5, 2, 1), (5, 3, 2), (9, 2, 0)])
-def test_smoothing_is_that_of_savitzky_and_golay(window, order, derivative):
-    values = np.random.default_rng(0).normal(size=COUNT)
-    expected = savgol_filter(values, window or COUNT, order, deriv=derivative)
-    np.testing.assert_allclose(smoothing(COUNT, window, order=order, derivative=derivative) @ values, expected)
-
-
-def test_smoothing_keeps_polynomials_and_few_values():
-    x = np.arange(6.0)
-    np.testing.assert_allclose(smoothing(6, 4, order=2, derivative=1) @ x**2, 2 * x, atol=1e-9)
-    np.testing.assert_allclose(smoothing(2, 5, order=2, derivative=1) @ np.array([1.0, 3.0]), [2, 2])
-    np.testing.assert_array_equal(smoothing(1, 5, order=2, derivative=1), [[0]])
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
-"""Savitzky-Golay filters as `scipy.signal.savgol_filter` computes them, for sequences that end where a number says.
+"""Savitzky-Golay filters as `scipy.signal.savgol_filter` has them, also for sequences that end where a number says.
 
 Ends are as in its mode "interp": the polynomial of the outermost window, evaluated at each of the outermost points.
+Windows of even length lie half a step aside of their point, as there.
 """
 
 import functools
@@ -42,9 +43,20 @@ def savgol(
 
 
 @functools.cache
+def savgol_matrix(n: int, window: int, *, order: int, derivative: int = 0) -> Float[np.ndarray, "n n"]:
+    """The filter as a matrix [n, n] on n values, for sequences of a length that is known (host side).
+
+    A window longer than all values is cut to them, and the order to what it then allows. Args: n, number of values;
+    window, its length; order, of the polynomial; derivative, which one by step (0: the smoothed values).
+    """
+    size = min(window, n)
+    return np.asarray(savgol_filter(np.eye(n), size, min(order, size - 1), deriv=derivative, axis=0))
+
+
+@functools.cache
 def _table(window: int, order: int, derivative: int) -> np.ndarray:
     """Coefficients [2 (window // 2) + 1, window]: at the points of the left end, inside, at those of the right end."""
     many, half, lead = 2 * window + 1, window // 2, (window - 1) // 2
-    probe = np.asarray(savgol_filter(np.eye(many), window, order, deriv=derivative, axis=0))
+    probe = savgol_matrix(many, window, order=order, derivative=derivative)
     inside = probe[window, window - lead : 2 * window - lead]
     return np.concatenate([probe[:half, :window], inside[None], probe[many - half :, many - window :]])

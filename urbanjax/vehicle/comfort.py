@@ -1,12 +1,10 @@
 """Whether a ride is comfortable, as nuPlan tells it."""
 
-import math
-
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
+from urbanjax.numerics.savgol import savgol_matrix
 from urbanjax.types import VehicleState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
@@ -39,7 +37,7 @@ def comfortable(
     size = jnp.hypot(along, lateral)
 
     def smooth(x: Array, window: int, *, order: int = 2, derivative: int = 0) -> Array:
-        matrix = smoothing(x.shape[-1], window, order=order, derivative=derivative)
+        matrix = savgol_matrix(x.shape[-1], window or x.shape[-1], order=order, derivative=derivative)
         return x @ jnp.asarray(matrix.T, x.dtype) / period**derivative
 
     steady = smooth(along, ALL)
@@ -54,20 +52,3 @@ def comfortable(
     for values, bound in sizes:
         within = within & (jnp.abs(values) < bound)
     return jnp.all(within, axis=-1)
-
-
-def smoothing(n: int, window: int, *, order: int, derivative: int) -> Float[np.ndarray, "n n"]:
-    """The matrix [n, n] that smooths n equidistant values (Savitzky & Golay 1964), or differentiates them by step.
-
-    Row i fits a polynomial to the window around i, at the ends to the first or last one, and reads it at i.
-    Args: n, number of values; window, number of them in each fit (0: all); order of the polynomial; derivative, which.
-    """
-    size = min(window or n, n)
-    row = np.arange(n)[:, None]
-    column = np.clip(row - size // 2, 0, n - size) + np.arange(size)
-    powers = ((column - row)[..., None].astype(float)) ** np.arange(min(order, size - 1) + 1)
-    fit = np.linalg.pinv(powers)  # [n, order + 1, size], the coefficients around each i
-    matrix = np.zeros((n, n))
-    if derivative < fit.shape[1]:
-        matrix[row, column] = math.factorial(derivative) * fit[:, derivative]
-    return matrix
