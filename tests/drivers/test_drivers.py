@@ -7,9 +7,9 @@ import pytest
 
 from tests.scenes import loop_params
 from urbanjax import stack
+from urbanjax.behavior.situation import closed_line
 from urbanjax.course import course_between
 from urbanjax.drivers import Blind, ConstantVelocity, IdmDriver, Standstill
-from urbanjax.drivers.idm import _stop
 from urbanjax.roadmap.builders import RoadStyle, straight
 from urbanjax.rollout import rollout
 from urbanjax.sim import lanes as tables
@@ -93,7 +93,7 @@ def test_idm_stops_at_a_line_whose_signal_is_not_green(road):
     line = course.corridor.replace(
         stop_station=jnp.array([80.0, 120.0]), stop_signal=jnp.array([0, 1]), has_stop=jnp.array([True, True])
     )
-    look = jax.jit(_stop)
+    look = jax.jit(closed_line)
     for shown, valid, expected in (
         ("GREEN", True, 70.0),
         ("RED", True, 30.0),
@@ -102,8 +102,8 @@ def test_idm_stops_at_a_line_whose_signal_is_not_green(road):
     ):
         state = jnp.array([SignalState[shown], SignalState.RED])
         signals = Signals(state, jnp.zeros(2), jnp.array([valid, True]))
-        distance, exists = look(line, signals, jnp.asarray(50.0))
-        assert (float(distance), bool(exists)) == (expected, True)
+        station, exists = look(line, signals, front=jnp.asarray(50.0))
+        assert (float(station) - 50.0, bool(exists)) == (expected, True)
 
 
 def test_what_the_loop_hands_down_is_not_said_twice(road):

@@ -2,14 +2,15 @@
 
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.behavior.tree import TSPSParams
 from urbanjax.numerics import safe, soft
 from urbanjax.planning.situation import Situation
+from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.graph import Turn
-from urbanjax.types import SignalState, pytree
+from urbanjax.types import Signals, SignalState, pytree
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -124,6 +125,18 @@ def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> Sig
         red=red.astype(dtype),
         turning=turning.astype(dtype),
     )
+
+
+def closed_line(
+    road: Corridor, signals: Signals, *, front: Float[Array, ""]
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
+    """Station [] m of the next stop line whose signal is not green, and whether there is one (else it is infinite).
+
+    What drivers without a rule for yellow stop at. Args: road, the lanes around the vehicle; signals; front [] m,
+    station of its front bumper.
+    """
+    closed = road.has_stop & (signals.shown(road.stop_signal) != SignalState.GREEN) & (road.stop_station > front)
+    return jnp.min(jnp.where(closed, road.stop_station, jnp.inf)), jnp.any(closed)
 
 
 def near_signal(ahead: SignalAhead, driving: Driving, *, reach: float | Array) -> Float[Array, ""]:

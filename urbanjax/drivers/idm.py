@@ -5,6 +5,7 @@ import jaxlie
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.behavior.situation import closed_line
 from urbanjax.behavior.surroundings import relate
 from urbanjax.control.pure_pursuit import PurePursuitParams, steer
 from urbanjax.course import Course
@@ -19,8 +20,6 @@ from urbanjax.types import (
     Objects,
     Observation,
     Path,
-    Signals,
-    SignalState,
     VehicleState,
     field,
     pytree,
@@ -76,7 +75,8 @@ class IdmDriver:
         desired = jnp.min(approach_speed(path.station - here.station, bends, deceleration=params.deceleration))
         front = here.station + self.vehicle.length - self.vehicle.rear_overhang
         gap, speed, there = self._leaders(road, observation.objects, front)
-        to_line, red = _stop(road, observation.signals, front)
+        line, red = closed_line(road, observation.signals, front=front)
+        to_line = jnp.where(red, line - front, 0)
         gaps = jnp.concatenate([gap, (to_line - self.stop_margin + params.jam_distance)[None]])
         speeds = jnp.concatenate([speed, jnp.zeros_like(to_line)[None]])
         ahead = jnp.concatenate([there, red[None]])
@@ -101,11 +101,3 @@ def _lane(road: Corridor, here: Progress) -> Path:
     nothing = jnp.zeros_like(station)
     position, heading, curvature = to_world(road, station, offset=nothing)
     return Path(station, nothing, position, heading, curvature)
-
-
-def _stop(road: Corridor, signals: Signals, front: Array) -> tuple[Array, Array]:
-    """Distance [] m to the next stop line whose signal is not green, and whether there is one."""
-    closed = road.has_stop & (signals.shown(road.stop_signal) != SignalState.GREEN) & (road.stop_station > front)
-    nearest = jnp.min(jnp.where(closed, road.stop_station, jnp.inf))
-    exists = jnp.any(closed)
-    return jnp.where(exists, nearest, front) - front, exists

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import jaxlie
 from jax import Array
 
+from urbanjax.behavior.situation import closed_line
 from urbanjax.behavior.surroundings import relate
 from urbanjax.control.pure_pursuit import PurePursuitParams, steer
 from urbanjax.course import Course
@@ -14,7 +15,7 @@ from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.corridor import Corridor, WindowParams, window
 from urbanjax.roadmap.nearby import LanesThere, lanes_at, nearby, thinned
 from urbanjax.roadmap.progress import Progress, progress, to_world
-from urbanjax.traffic.safety.faults import BlameParams, first_fault, first_near, forecast, touching
+from urbanjax.traffic.safety.faults import BlameParams, first_infractions, forecast, touching
 from urbanjax.types import (
     HANDED_DOWN,
     Command,
@@ -22,7 +23,6 @@ from urbanjax.types import (
     Observation,
     Path,
     Signals,
-    SignalState,
     VehicleState,
     field,
     pytree,
@@ -140,9 +140,7 @@ class PdmDriver:
         aside = around.offset[:, None] - jnp.asarray(self.offsets, around.offset.dtype)[None, :, None]
         reach = around.half_width + self.vehicle.width / 2
         blocks = around.valid[:, None] & (jnp.abs(aside) < reach[:, None])
-        green = signals.shown(road.stop_signal) == SignalState.GREEN
-        closed = road.has_stop & ~green & (road.stop_station > here.station + self._front)
-        line = jnp.min(jnp.where(closed, road.stop_station, jnp.inf))
+        line, closed = closed_line(road, signals, front=here.station + self._front)
 
         def add(x: Array, last: Array) -> Array:
             return jnp.concatenate([x, jnp.broadcast_to(last, (*x.shape[:-1], 1))], axis=-1)
@@ -151,7 +149,7 @@ class PdmDriver:
             middle=add(around.station, line),
             rear=add(around.station - around.half_length, line),
             speed=add(around.speed, jnp.zeros_like(line)),
-            blocks=add(blocks, jnp.any(closed)),
+            blocks=add(blocks, closed),
         )
 
     @property
@@ -213,7 +211,7 @@ class PdmDriver:
         off = ~jnp.all(jnp.any(corner, axis=-1), axis=-1)
         several = (jnp.sum(jnp.any(corner, axis=-2), axis=-1) > 1) & ~jnp.any(jnp.all(corner, axis=-2), axis=-1)
         judged = {"times": times, "apart": off | several, "axle": self.vehicle.centre_offset, "params": self.faults}
-        collision, near = first_fault(body, others, **judged), first_near(body, others, **judged)
+        collision, near = first_infractions(body, others, **judged)
         against = self._against(body.position, ~jnp.any(centre, axis=-1))
         direction = 1 - ((against >= weights.tolerated) + (against >= weights.forbidden)).astype(times.dtype) / 2
         allowed = jnp.where(jnp.isinf(collision) & ~jnp.any(off, axis=1), direction, 0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.traffic.safety.scenes import drive, objects, pick, random_objects
-from urbanjax.traffic.safety.faults import BlameParams, first_fault, first_near, forecast, touching
+from urbanjax.traffic.safety.faults import BlameParams, first_infractions, forecast, touching
 
 DT, COUNT, AXLE = 0.1, 41, 1.4
 TIMES = jnp.asarray(DT * np.arange(COUNT), jnp.float32)
@@ -20,7 +20,7 @@ def judge():
     def run(own, others):
         def both(apart):
             given = dict(times=TIMES, axle=AXLE, apart=jnp.full((1, COUNT), apart), params=BlameParams())
-            return first_fault(own, others, **given)[0], first_near(own, others, **given)[0]
+            return tuple(when[0] for when in first_infractions(own, others, **given))
 
         return both(False), both(True)
 

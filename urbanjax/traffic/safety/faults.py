@@ -39,7 +39,7 @@ def touching(own: Objects, others: Objects) -> Bool[Array, "*s"]:
     return (box_gap(_box(own), _box(others)) <= 0) & own.valid & others.valid
 
 
-def first_fault(
+def first_infractions(
     own: Objects,
     others: Objects,
     *,
@@ -47,45 +47,29 @@ def first_fault(
     apart: Bool[Array, "p t"],
     axle: float | Array,
     params: BlameParams,
-) -> Float[Array, " p"]:
-    """When each of P ways first touches somebody by its own fault [s]; infinite if it never does.
+) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """When each of P ways first touches somebody by its own fault, and first is too near to it [s]; infinite if never.
 
-    Whom a way has touched without fault counts no more. Args: own [P, T], the ways; others [T, O]; times [T] s;
-    apart [P, T], whether the vehicle is then between lanes or off the road; axle m, of its rear axle behind its centre,
-    from which ahead and behind are seen.
+    Whom a way has touched without fault counts no more. Too near: everybody going straight on from that time, at its
+    speed, boxes would soon touch; who is ahead is asked of that time, as nuPlan's metric asks it, and between lanes and
+    off the road whoever is not behind counts, too.
+    Args: own [P, T], the ways; others [T, O]; times [T] s; apart [P, T], whether the vehicle is then between lanes or
+    off the road; axle m, of its rear axle behind its centre, from which ahead and behind are seen.
     """
     mine, them = _pairs(own, others)
+    there, aside = others.valid[None, :, None], apart[:, :, None, None]
+    pace, speed = own.speed[:, :, None, None], others.speed[None, :, None]
+    ahead, behind = _ahead_behind(mine, them, axle, params)
     forward = mine.half_length
     front = mine.replace(x=mine.x + forward * mine.cos, y=mine.y + forward * mine.sin, half_length=0 * forward)
-    _, behind = _ahead_behind(mine, them, axle, params)
-    stands = jnp.abs(others.speed[None, :, None]) <= params.still
-    hits = stands | (~behind & ((box_gap(front, them) <= 0) | apart[:, :, None, None]))
-    touch = (box_gap(mine, them) <= 0) & others.valid[None, :, None]
-    return _first(touch, hits & (own.speed[:, :, None, None] > params.still), times)
-
-
-def first_near(
-    own: Objects,
-    others: Objects,
-    *,
-    times: Float[Array, " t"],
-    apart: Bool[Array, "p t"],
-    axle: float | Array,
-    params: BlameParams,
-) -> Float[Array, " p"]:
-    """When each of P ways first is too near in time to a collision with somebody ahead [s]; infinite if never.
-
-    Everybody goes straight on from that time, at its speed; who is ahead is asked of that time, as nuPlan's metric asks
-    it. Between lanes and off the road whoever is not behind counts, too. Args: own [P, T], the ways; others [T, O];
-    times [T] s; apart [P, T] and axle m, as of `first_fault`.
-    """
-    mine, them = _pairs(own, others)
-    pace = own.speed[:, :, None, None]
+    hits = (jnp.abs(speed) <= params.still) | (~behind & ((box_gap(front, them) <= 0) | aside))
+    touch = (box_gap(mine, them) <= 0) & there
     looks = jnp.asarray(params.looks, times.dtype)[None, None, :, None]
-    touch = box_gap(_moved(mine, pace * looks), _moved(them, others.speed[None, :, None] * looks)) <= 0
-    ahead, behind = _ahead_behind(mine, them, axle, params)
-    meets = touch & others.valid[None, :, None] & (pace >= params.creeping)
-    return _first(meets, ahead | (apart[:, :, None, None] & ~behind), times)
+    meets = (box_gap(_moved(mine, pace * looks), _moved(them, speed * looks)) <= 0) & there & (pace >= params.creeping)
+    return (
+        _first(touch, hits & (pace > params.still), times),
+        _first(meets, ahead | (aside & ~behind), times),
+    )
 
 
 def _box(objects: Objects) -> Box:
