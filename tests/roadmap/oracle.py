@@ -55,3 +55,9 @@ def walked_cost(graph, route, params, blocked=()):
         assert np.min(np.abs(np.array(costs[links[k], links[k + 1]]) - spent)) < 1e-6 * (1 + spent)
         total += spent
     return total
+
+
+def pairs(table, mask):
+    """What a masked table of links relates, as pairs (row, entry)."""
+    table, mask = np.asarray(table), np.asarray(mask)
+    return {(i, int(table[i, k])) for i, k in zip(*np.nonzero(mask), strict=True)}
