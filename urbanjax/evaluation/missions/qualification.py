@@ -56,8 +56,7 @@ def signal_straight() -> Mission:
 
     Success: 115 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
-    road = partial(drawn_roads.crossing, turn="straight", signals=True)
-    return Mission("signal_straight", 6, road, casts.signalised, way=115.0, pace=0.2)
+    return _at_signals("straight", 6, way=115.0)
 
 
 def signal_left() -> Mission:
@@ -65,8 +64,7 @@ def signal_left() -> Mission:
 
     Success: 115 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
-    road = partial(drawn_roads.crossing, turn="left", signals=True)
-    return Mission("signal_left", 7, road, casts.signalised, way=115.0, pace=0.2)
+    return _at_signals("left", 7, way=115.0)
 
 
 def signal_right() -> Mission:
@@ -74,8 +72,12 @@ def signal_right() -> Mission:
 
     Success: 105 m within 30 s. Failure: running a red signal, any other violation, or not being through in time.
     """
-    road = partial(drawn_roads.crossing, turn="right", signals=True)
-    return Mission("signal_right", 8, road, casts.signalised, way=105.0, pace=0.2)
+    return _at_signals("right", 8, way=105.0)
+
+
+def _at_signals(turn: str, number: int, *, way: float) -> Mission:
+    road = partial(drawn_roads.crossing, turn=turn, signals=True)
+    return Mission(f"signal_{turn}", number, road, casts.signalised, way=way, pace=0.2)
 
 
 QUALIFICATION = (

@@ -76,9 +76,11 @@ def score(facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | N
     """
     params = CompetitionParams() if params is None else params
     faults = at_fault(facts, vehicle, params=params.blame)
-    counts = {Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32)}
-    counts |= {one: _times(facts, wrong) for one, wrong in wrongs(facts, params=params).items()}
-    counts[Violation.RED_LIGHT] = jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32)
+    counts = {one: _times(facts, wrong) for one, wrong in wrongs(facts, params=params).items()}
+    counts |= {  # events, not spells
+        Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32),
+        Violation.RED_LIGHT: jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32),
+    }
     violations = jnp.stack([counts[one] for one in Violation])
     time = jnp.where(facts.reached, facts.duration, facts.limit)
     return CompetitionScore(
