@@ -6,7 +6,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.links import project
 from urbanjax.types import RoadError, pytree, static
@@ -196,14 +196,15 @@ def _coarse(graph: RoadGraph, position: Array, heading: Array, params: LocatePar
 
 def _nearest(graph: RoadGraph, links: Int[Array, "n k"], position: Array) -> tuple[Array, Array, Array]:
     """Station [m], distance [m] and heading [rad] of the nearest place on the polyline of each link, [N, k]."""
-    line = graph.centre[links]
-    a, d = line[:, :, :-1], line[:, :, 1:] - line[:, :, :-1]
-    r = position[:, None, None] - a
-    t = jnp.clip(jnp.sum(r * d, axis=-1) / jnp.maximum(jnp.sum(d * d, axis=-1), TINY), 0, 1)
-    square = jnp.sum((r - t[..., None] * d) ** 2, axis=-1)
-    i = jnp.argmin(square, axis=-1)[..., None]
-    t, square = (jnp.take_along_axis(x, i, axis=-1)[..., 0] for x in (t, square))
-    place = i[..., 0].astype(t.dtype) + t
-    k = i[..., 0]
-    heading = graph.heading[links, k] * (1 - t) + graph.heading[links, k + 1] * t
-    return place * graph.length[links] / (line.shape[2] - 1), jnp.sqrt(square), heading
+    x, y = jnp.unstack(lean.rows(graph.centre, links), axis=-1)
+    dx, dy = x[..., 1:] - x[..., :-1], y[..., 1:] - y[..., :-1]
+    to_x, to_y = position[:, None, None, 0] - x[..., :-1], position[:, None, None, 1] - y[..., :-1]
+    t = jnp.clip((to_x * dx + to_y * dy) / jnp.maximum(dx * dx + dy * dy, TINY), 0, 1)
+    square = (to_x - t * dx) ** 2 + (to_y - t * dy) ** 2
+    segment = jnp.argmin(square, axis=-1).astype(jnp.int32)
+    t, square = (jnp.take_along_axis(each, segment[..., None], axis=-1)[..., 0] for each in (t, square))
+    n_points = x.shape[-1]
+    angle, first = graph.heading.reshape(-1), links * n_points + segment
+    heading = lean.rows(angle, first) * (1 - t) + lean.rows(angle, first + 1) * t
+    station = (segment.astype(t.dtype) + t) * lean.rows(graph.length, links) / (n_points - 1)
+    return station, jnp.sqrt(square), heading
