@@ -153,6 +153,15 @@ def test_gradients_equal_finite_differences(x64, which):
         assert (np.abs(slope - expected) < 1e-6).mean() >= share
 
 
+def test_the_gradient_by_the_temperature_equals_finite_differences(x64):
+    arguments = random_pairs(40, seed=7)
+    step = 1e-6
+    for temperature in (0.1, 2.0):
+        _, slope = jax.jvp(lambda t: soft_gap(*arguments, temperature=t), (temperature,), (1.0,))
+        up, down = (soft_gap(*arguments, temperature=temperature + sign * step) for sign in (1, -1))
+        np.testing.assert_allclose(slope, (up - down) / (2 * step), atol=1e-6)
+
+
 @pytest.mark.parametrize("mode", ["hard", "soft", "straight_through"])
 def test_gradient_is_finite_for_coincident_parallel_and_empty_boxes(mode):
     def value(pa, ha, la, wa, pb, hb, lb, wb):

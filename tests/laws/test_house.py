@@ -16,9 +16,8 @@ OPERATORS: set[str] = {
     "urbanjax.planning.basis.smooth",
     "urbanjax.planning.shape.from_plane",
     "urbanjax.planning.shape.to_plane",
-    "urbanjax.numerics.lean.clip",
     "urbanjax.numerics.lean.where",
-    "urbanjax.numerics.safe.within",
+    "urbanjax.numerics.lean.clip",
     "urbanjax.numerics.soft.above",
 }
 

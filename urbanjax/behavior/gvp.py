@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from urbanjax.behavior.situation import Body
 from urbanjax.behavior.surroundings import Surroundings, in_lane
-from urbanjax.numerics import safe, soft
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.following import constant_headway_speed
@@ -103,7 +103,7 @@ def clamp(
     gap = surroundings.station - surroundings.half_length - front
     ahead = soft.above(gap + surroundings.half_length, 0.0, relaxation, scale=1.0)
     degree = soft.both(in_lane(surroundings, driving.of(params.occupancy), lane=path_offset), ahead)
-    allowed = jnp.maximum(surroundings.speed + jnp.maximum(gap, 0) / params.gvp.clamp_time, 0)
+    allowed = lean.maximum(surroundings.speed + lean.maximum(gap, 0) / params.gvp.clamp_time, 0)
     free = jnp.asarray(driving.vehicle.max_speed, allowed.dtype)
-    each = free - degree * (free - jnp.minimum(allowed, free))
+    each = free - degree * (free - lean.minimum(allowed, free))
     return soft.minimum(each, relaxation, scale=0.5, fill=1e3, mask=surroundings.valid)

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 
 from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.behavior.tree import TSPSParams
-from urbanjax.numerics import safe, soft
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.graph import Turn
@@ -47,7 +47,7 @@ def beside(
     body, of the ego.
     """
     params, relaxation = driving.params, driving.relaxation
-    closing = jnp.maximum(surroundings.speed - body.speed, 0)
+    closing = lean.maximum(surroundings.speed - body.speed, 0)
     rear_gap = body.rear - (surroundings.station + surroundings.half_length)
     front_gap = (surroundings.station - surroundings.half_length) - body.front
     too_close_behind = soft.above(
@@ -78,9 +78,9 @@ def can_stop(
     params, relaxation = driving.params, driving.relaxation
     gap = surroundings.station - surroundings.half_length - body.front
     ahead = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
-    front_speed = jnp.maximum(surroundings.speed, 0)
-    closing = jnp.maximum(body.speed - front_speed, 0)
-    needed = closing**2 / (2 * jnp.maximum(gap, 0.5))
+    front_speed = lean.maximum(surroundings.speed, 0)
+    closing = lean.maximum(body.speed - front_speed, 0)
+    needed = closing**2 / (2 * lean.maximum(gap, 0.5))
     worst = safe.maximum(occupancy * ahead * needed)
     return soft.above(params.emergency_deceleration - worst, 0.0, relaxation, scale=1.0)
 
@@ -109,8 +109,8 @@ def signal_ahead(situation: Situation, body: Body, *, params: TSPSParams) -> Sig
     nearest = jnp.argmin(jnp.where(ahead, distance, jnp.inf))
     exists = ahead[nearest]
     shown = signals.shown(window.stop_signal[nearest])
-    to_line = jnp.maximum(distance[nearest], 0)
-    room = jnp.maximum(to_line - params.yellow_reaction * body.speed, 0)
+    to_line = lean.maximum(distance[nearest], 0)
+    room = lean.maximum(to_line - params.yellow_reaction * body.speed, 0)
     in_time = body.speed**2 <= 2 * params.yellow_deceleration * room
     late = to_line > body.speed * signals.lasts(window.stop_signal[nearest])
     stops = in_time | (late & (body.speed**2 <= 2 * params.emergency_deceleration * to_line))

@@ -1,6 +1,5 @@
 """The reference speed: geometry-aware velocity planning applied to the chosen path, under all its caps."""
 
-import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
@@ -8,7 +7,7 @@ from urbanjax.behavior import caps, gvp
 from urbanjax.behavior.gvp import LaneSpeeds
 from urbanjax.behavior.surroundings import in_lane
 from urbanjax.behavior.tsps import Choice
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.planning.basis import interpolate
 from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
@@ -54,5 +53,5 @@ def plan(choice: Choice, driving: Driving) -> SpeedPlan:
     rear = around.station - around.half_length
     on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
     clamp = gvp.clamp(around, driving, path_offset=on_path, front=body.front)
-    reference = jnp.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
+    reference = lean.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
     return SpeedPlan(reference=reference, lanes=lanes, cap=cap, clamp=clamp)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import soft
+from urbanjax.numerics import lean, soft
 from urbanjax.types import POSITIVE, SHARE, Decision, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 
@@ -91,7 +91,7 @@ def remember(
     params, period = driving.params, driving.period
     moving = soft.above(speed, params.standing_speed, driving.relaxation, scale=params.standing_speed)
     stuck = soft.negate(moving) * (state.stuck + period * soft.negate(red))
-    share = period / jnp.maximum(params.patience, period)
+    share = period / lean.maximum(params.patience, period)
     blocked = state.blocked + (soft.negate(route_free) - state.blocked) * share
     return TSPSState(stuck=stuck, blocked=blocked)
 
@@ -105,7 +105,7 @@ def standing(
     driving, with TSPSParams; queued [], degree of standing before a signal; distance [] m, to its stop line.
     """
     params = driving.params
-    wave = queued * jnp.maximum(distance, 0) / params.queue_start
+    wave = queued * lean.maximum(distance, 0) / params.queue_start
     return soft.above(state.stuck - wave, params.stuck_time, driving.relaxation, scale=params.stuck_time / 4)
 
 

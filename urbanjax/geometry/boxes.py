@@ -47,14 +47,18 @@ def corners(box: Box) -> Float[Array, "*s 4 2"]:
     return jnp.stack([x + along * cos - across * sin, y + along * sin + across * cos], axis=-1)
 
 
-def _soft_abs(x: Array, width: float | Array, steepness: float | Array) -> Array:
-    """|x|, rounded to a parabola within `width` of 0: at most width/2 above |x|, and once differentiable.
+@jax.custom_jvp
+def _soft_abs(x: Array, width: Array) -> Array:
+    """|x|, rounded to a parabola within `width` of 0: at most width/2 above |x|, and once differentiable."""
+    near = jnp.minimum(jnp.maximum(x, -width), width)
+    return near * (x - 0.5 * near) / width + 0.5 * width
 
-    Args: steepness, 1 / (2 width).
-    """
-    size = jnp.abs(x)
-    missing = jnp.maximum(width - size, 0)
-    return size + missing * missing * steepness
+
+@_soft_abs.defjvp
+def _soft_abs_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+    (x, width), (change, wider) = primals, tangents
+    slope = jnp.clip(x / width, -1, 1)
+    return _soft_abs(x, width), slope * change + 0.5 * (1 - slope * slope) * wider
 
 
 def _axis_gaps(a: Box, b: Box, size: Callable[[Array], Array]) -> tuple[Array, Array, Array, Array]:
@@ -87,11 +91,12 @@ def soft_box_gap(a: Box, b: Box, *, temperature: float | Array) -> Array:
     It lies in [gap - T, gap + T (log 4 + 1/2)] and tends to `box_gap` with T -> 0.
     Args: a, b, boxes; temperature T [m] > 0.
     """
-    steepness = 0.5 / temperature
-    gaps = _axis_gaps(a, b, lambda x: _soft_abs(x, temperature, steepness))
+    # Of the shape of the gaps: the derivatives by it are added up before they are summed, and not sum by sum.
+    width = jnp.broadcast_to(jnp.asarray(temperature, a.x.dtype), jnp.broadcast_shapes(a.cos.shape, b.cos.shape))
+    gaps = _axis_gaps(a, b, lambda x: _soft_abs(x, width))
     top = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(gaps[0], gaps[1]), jnp.maximum(gaps[2], gaps[3])))
-    first, *others = (jnp.exp((gap - top) / temperature) for gap in gaps)
-    return top + temperature * jnp.log(sum(others, start=first))
+    first, *others = (jnp.exp((gap - top) / width) for gap in gaps)
+    return top + width * jnp.log(sum(others, start=first))
 
 
 def relaxed_box_gap(a: Box, b: Box, *, relaxation: Relaxation, scale: float | Array = 1.0) -> Array:

@@ -95,7 +95,7 @@ def cell(
     Args: start m, first station; spacing m; n, number of grid stations; station [*q] m.
     """
     steps = (station - start) / spacing
-    inside = safe.within(steps, 0.0, n - 1.0)
+    inside = lean.clip(steps, 0.0, n - 1.0)
     index = lean.clip(inside.astype(jnp.int32), 0, n - 2)
     return index, inside - index.astype(inside.dtype), (steps - inside) * spacing
 
@@ -156,7 +156,7 @@ def sample(
     """
     place = locate(tabulated(position, heading, curvature, start=start, spacing=spacing), station)
     at = read(place)
-    fade = jnp.maximum(1 - jnp.abs(place.beyond) / spacing, 0)
+    fade = lean.maximum(1 - jnp.abs(place.beyond) / spacing, 0)
     return Reference(at.position, at.heading, fade * at.others[..., 0])
 
 
@@ -165,7 +165,7 @@ def scale(curvature: Array, offset: Array) -> Array:
 
     Args: curvature [*q] 1/m; offset [*q] m.
     """
-    return jnp.maximum(1 - curvature * offset, MIN_SCALE)
+    return lean.maximum(1 - curvature * offset, MIN_SCALE)
 
 
 def to_world(reference: Reference, offset: Float[Array, "*q"]) -> Float[Array, "*q 2"]:

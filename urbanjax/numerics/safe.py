@@ -35,21 +35,6 @@ def divide(numerator: Array, denominator: Array, *, otherwise: float = 0.0) -> A
     return lean.where(jnp.broadcast_to(usual, quotient.shape), quotient, otherwise)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1, 2))
-def within(x: Float[Array, "*s"], low: float, high: float) -> Float[Array, "*s"]:
-    """X held within [low, high], with derivative 1 at both ends (where `clip` has a half).
-
-    Args: x [*s]; low, high, numbers.
-    """
-    return lean.clip(x, low, high)
-
-
-@within.defjvp
-def _within_jvp(low: float, high: float, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    (x,), (change,) = primals, tangents
-    return within(x, low, high), lean.where((x >= low) & (x <= high), change, 0.0)
-
-
 def arctan2(y: Float[Array, "*s"], x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """atan2 with value and derivative 0 at the origin. Args: y and x [*s]."""
     origin = (x == 0) & (y == 0)

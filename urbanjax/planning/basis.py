@@ -6,7 +6,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean
 
 
 def hat(
@@ -18,8 +18,8 @@ def hat(
     the end the last slope holds, elsewhere outside the grid the end value.
     """
     u = (query - start) / spacing
-    inside = safe.within(u, 0.0, count - 1.0)
-    cell = jnp.minimum(jnp.floor(inside), count - 2)[:, None]
+    inside = lean.clip(u, 0.0, count - 1.0)
+    cell = lean.minimum(jnp.floor(inside), count - 2)[:, None]
     index = np.arange(count, dtype=query.dtype)[None, :]
     # Told by the cell and not as max(0, 1 - |u - index|): there on a grid point the derivatives would not add up to 0.
     fraction = inside[:, None] - cell
@@ -28,7 +28,7 @@ def hat(
         return weights
     last = np.zeros(count, query.dtype)
     last[-2:] = -1, 1
-    return weights + jnp.maximum(u - (count - 1), 0)[:, None] * last[None, :]
+    return weights + lean.maximum(u - (count - 1), 0)[:, None] * last[None, :]
 
 
 def interpolate(
@@ -60,10 +60,10 @@ def smooth(
     """
     count = values.shape[0]
     control = jnp.concatenate([2 * values[:1] - values[1:2], values, values[-1:], values[-1:]])
-    u = safe.within((query - start) / spacing, 0.0, float(count))
+    u = lean.clip((query - start) / spacing, 0.0, float(count))
     x = u[:, None] + 1 - np.arange(count + 3, dtype=query.dtype)[None, :]
     r = jnp.abs(x)
-    outer = jnp.maximum(2 - r, 0)
+    outer = lean.maximum(2 - r, 0)
     near = r < 1
     value = jnp.where(near, 2 / 3 - x * x + x * x * r / 2, outer**3 / 6)
     first = jnp.where(near, -2 * x + 1.5 * x * r, -(outer**2) / 2 * jnp.sign(x))

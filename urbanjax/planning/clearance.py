@@ -84,7 +84,7 @@ def gaps(
     room = relaxed_box_gap(ego, other, relaxation=driving.relaxation, scale=params.gap_scale)
     room = room + params.far * ignored[None, :]
     valid = jnp.broadcast_to(prediction.valid[None, :], room.shape)
-    return jnp.minimum(lean.where(valid, room, params.far), params.far)
+    return lean.minimum(lean.where(valid, room, params.far), params.far)
 
 
 def followers(state: VehicleState, driving: Driving, *, prediction: Prediction) -> Float[Array, "b"]:

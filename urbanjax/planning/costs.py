@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 
 BARRIERS = ("hinge", "gaussian")
 CURVATURE_ROUNDING = 1e-4  # 1/m, a bend of 10 km radius, over which the tip of |kappa| is rounded
@@ -20,8 +20,8 @@ def barrier(clearance: Float[Array, "*s"], threshold: float | Array, *, kind: st
     threshold c0, m; kind, one of BARRIERS.
     """
     if kind == "gaussian":
-        return jnp.exp(-((jnp.maximum(clearance, 0) / threshold) ** 2) / 2)
-    missing = jnp.maximum(threshold - clearance, 0)
+        return jnp.exp(-((lean.maximum(clearance, 0) / threshold) ** 2) / 2)
+    missing = lean.maximum(threshold - clearance, 0)
     return missing * missing
 
 

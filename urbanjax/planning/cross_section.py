@@ -37,7 +37,7 @@ def cross_sections(window: Corridor, station: Float[Array, "n"]) -> CrossSection
     road: Sample = sample(window, station)
     lanes = window.has_lane.shape[-1]
     flags = jnp.concatenate([window.has_lane, window.oncoming, window.change], axis=-1).astype(station.dtype)
-    start, within = window.station[0], jnp.minimum(station, window.length)
+    start, within = window.station[0], lean.minimum(station, window.length)
     index, fraction, _ = frenet.cell(start, window.spacing, n=flags.shape[0], station=within)
     degrees = frenet.linear(lean.rows(flags, index), lean.rows(flags, index + 1), fraction=fraction)
     # A line bars every lane beyond it, seen from the route's.
@@ -65,7 +65,7 @@ def covered(offset: Float[Array, "n m"], half_width: float | Array, *, road: Cro
     low, high = (offset - half_width)[..., None], (offset + half_width)[..., None]
     right = (road.lane_offset - road.lane_width / 2)[:, None, :]
     left = (road.lane_offset + road.lane_width / 2)[:, None, :]
-    return jnp.maximum(jnp.minimum(high, left) - jnp.maximum(low, right), 0)
+    return lean.maximum(lean.minimum(high, left) - lean.maximum(low, right), 0)
 
 
 def boundaries(road: CrossSections) -> Float[Array, "n e"]:

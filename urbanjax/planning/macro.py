@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.planning.basis import interpolate, smooth
 from urbanjax.planning.clearance import ClearanceParams, followers
 from urbanjax.planning.cross_section import cross_sections
@@ -124,12 +124,12 @@ def layer_spacing(situation: Situation, params: MacroParams) -> Float[Array, ""]
     limit = interpolate(progress.station[None], window.station[0], spacing, window.speed_limit)[0]
     change = limit - state.speed
     rate = jnp.where(change > 0, params.profile.acceleration, params.profile.deceleration)
-    ramp = jnp.minimum(jnp.abs(change) / rate, params.horizon)
+    ramp = lean.minimum(jnp.abs(change) / rate, params.horizon)
     end = state.speed + jnp.sign(change) * rate * ramp
     way = (state.speed + end) / 2 * ramp + end * (params.horizon - ramp)
-    room = jnp.maximum(window.station[-1] - progress.station, params.min_spacing)
+    room = lean.maximum(window.station[-1] - progress.station, params.min_spacing)
     return (
-        jnp.minimum(jnp.clip(way, params.min_spacing * params.n_layers, params.max_spacing * params.n_layers), room)
+        lean.minimum(jnp.clip(way, params.min_spacing * params.n_layers, params.max_spacing * params.n_layers), room)
         / params.n_layers
     )
 
@@ -153,5 +153,5 @@ def profile_at(plan: MacroPlan, station: Float[Array, "n"]) -> tuple[Float[Array
     speed = jnp.concatenate([plan.start_speed[None], plan.speed])
     spacing = plan.station[0] - plan.start_station
     both = interpolate(station, plan.start_station, spacing, jnp.stack([time, speed], axis=-1))
-    beyond = jnp.maximum(station - plan.station[-1], 0) / plan.speed[-1]
+    beyond = lean.maximum(station - plan.station[-1], 0) / plan.speed[-1]
     return both[:, 0] + beyond, both[:, 1]

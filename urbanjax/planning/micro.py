@@ -193,8 +193,8 @@ def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> F
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
     rate = steering_rate(fan, vehicle)
-    gain = jnp.diff(fan.speed**2, axis=1) / (2 * jnp.maximum(costs.segments(fan.position), MIN_STEP))
-    soon = jnp.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
+    gain = jnp.diff(fan.speed**2, axis=1) / (2 * lean.maximum(costs.segments(fan.position), MIN_STEP))
+    soon = lean.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
     start = outside[:, :1] + params.recovery_slack * lean.clip(outside[:, :1] / params.edge_tolerance, 0.0, 1.0)
 
@@ -202,8 +202,8 @@ def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> F
         """What is left up to a limit; no candidate can help what the vehicle does at the start."""
         return limit - (values - start * lean.clip(2 - fan.time / duration, 0.0, 1.0))
 
-    too_sharp = jnp.maximum(sharp[:, :1] - steering, 0)
-    too_fast = jnp.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
+    too_sharp = lean.maximum(sharp[:, :1] - steering, 0)
+    too_fast = lean.maximum(across[:, :1] - params.max_lateral_acceleration, 0)
     at_points = (
         left(sharp, steering, too_sharp, params.settle),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
@@ -227,7 +227,7 @@ def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
     """
     steered = vehicle.wheelbase * fan.curvature  # tan of the angle
     middle = (steered[:, 1:] + steered[:, :-1]) / 2
-    time = jnp.maximum(jnp.diff(fan.time, axis=1), MIN_STEP_TIME)
+    time = lean.maximum(jnp.diff(fan.time, axis=1), MIN_STEP_TIME)
     return jnp.abs(jnp.diff(steered, axis=1)) / ((1 + middle * middle) * time)
 
 
@@ -244,11 +244,11 @@ def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     middle = fan.offset + vehicle.centre_offset * sin
     low, high = middle - half_width, middle + half_width
     right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
-    usable = road.present * (1 - road.oncoming * jnp.minimum(road.barred, 1))
+    usable = road.present * (1 - road.oncoming * lean.minimum(road.barred, 1))
     # Lane by lane, which needs no array of candidates x points x lanes.
     lanes = (jnp.unstack(x[None], axis=-1) for x in (left, right, usable))
     covers = sum(
-        jnp.maximum(jnp.minimum(high, left) - jnp.maximum(low, right), 0) * usable
+        lean.maximum(lean.minimum(high, left) - lean.maximum(low, right), 0) * usable
         for left, right, usable in zip(*lanes, strict=True)
     )
     return vehicle.width * (1 - covers / (2 * half_width))

@@ -135,9 +135,9 @@ def end_states(state: VehicleState, macro_plan: MacroPlan, *, params: PrimitiveP
         time, jnp.concatenate([macro_plan.start_speed[None], macro_plan.speed]), query=durations
     )
     reachable = state.speed - params.deceleration * durations
-    speed = jnp.maximum(factors[None, :] * free[:, None], jnp.maximum(reachable, params.min_speed)[:, None])
+    speed = lean.maximum(factors[None, :] * free[:, None], lean.maximum(reachable, params.min_speed)[:, None])
     mean = (state.speed + speed) / 2
-    length = jnp.maximum(mean * durations[:, None], params.min_length)
+    length = lean.maximum(mean * durations[:, None], params.min_length)
 
     def over_offsets(x: Array) -> Array:
         return jnp.repeat(x.reshape(-1), accelerations.shape[0] * offsets.shape[0])

@@ -72,16 +72,16 @@ def planar(
     lines = (c, p, jnp.cos(road.heading)[None], jnp.sin(road.heading)[None], duration)
     guess, _ = _uniform(state.speed, end, road.station - road.station[0])
     # The search carries no derivative: one more step from its result has the exact one (implicit function theorem).
-    fixed, share = jax.lax.stop_gradient((lines, jnp.minimum(guess / duration, 1)))
+    fixed, share = jax.lax.stop_gradient((lines, lean.minimum(guess / duration, 1)))
     share = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, share: _towards(fixed, share), share)
     share = _towards(lines, share)
 
     _, p, cos, sin, _ = lines
     at = read(c, share)
     (x, y), (vx, vy), (ax, ay) = ((at[..., 0, i] / duration**i, at[..., 1, i] / duration**i) for i in range(3))
-    squared = jnp.maximum(vx * vx + vy * vy, MIN_SPEED**2)
+    squared = lean.maximum(vx * vx + vy * vy, MIN_SPEED**2)
     speed = jnp.sqrt(squared)
-    tangent = (vy * cos - vx * sin) / jnp.maximum(vx * cos + vy * sin, MIN_RATE)
+    tangent = (vy * cos - vx * sin) / lean.maximum(vx * cos + vy * sin, MIN_RATE)
     offset = (y - p[..., 1]) * cos - (x - p[..., 0]) * sin
     kappa = road.curvature[None, :]
     slope, bend = shape.from_plane(kappa, offset, tangent, (vx * ay - vy * ax) / (squared * speed))
@@ -95,7 +95,7 @@ def _towards(lines: tuple[Array, ...], share: Array) -> Array:
     px, py = jnp.unstack(p, axis=-1)
     miss = (x - px) * cos + (y - py) * sin
     rate = vx * cos + vy * sin
-    return lean.clip(share - miss / jnp.maximum(rate, MIN_RATE * duration), 0.0, 1.0)
+    return lean.clip(share - miss / lean.maximum(rate, MIN_RATE * duration), 0.0, 1.0)
 
 
 def _horner(c: Sequence[Array], share: Array) -> tuple[Array, Array]:
@@ -116,7 +116,7 @@ def coefficients(
     """
     heading, end_curvature = shape.to_plane(at_end.heading, at_end.curvature, end.offset, end.slope, end.bend)
     # A vehicle that brakes to standstill before the end of the primitive would have to come back.
-    acceleration = jnp.maximum(state.acceleration, -state.speed / end.duration)
+    acceleration = lean.maximum(state.acceleration, -state.speed / end.duration)
     (vx, ax), (vy, ay) = boundary(state.speed, acceleration, heading=state.heading, curvature=curvature)
     (wx, bx), (wy, by) = boundary(end.speed, end.acceleration, heading=heading, curvature=end_curvature)
     x = at_end.position[:, 0] - end.offset * jnp.sin(at_end.heading) - state.position[0]
@@ -158,7 +158,7 @@ def stationwise(
     start = (progress.offset * ones, slope * size, bend * size * size)
     c = polynomial.quintic(start, (end.offset, end.slope * size, end.bend * size * size), duration=ones)
     ahead = road.station - road.station[0]
-    at = read(jnp.stack(c, axis=1)[..., None], jnp.minimum(ahead[None, :] / size[:, None], 1))[:, :, 0]
+    at = read(jnp.stack(c, axis=1)[..., None], lean.minimum(ahead[None, :] / size[:, None], 1))[:, :, 0]
     time, speed = _uniform(state.speed, end, ahead)
     size = size[:, None]
     return Lateral(offset=at[..., 0], slope=at[..., 1] / size, bend=at[..., 2] / size**2, time=time, speed=speed)
@@ -166,7 +166,7 @@ def stationwise(
 
 def _uniform(start_speed: Array, end: EndState, ahead: Float[Array, "k"]) -> tuple[Array, Array]:
     """Time [J, K] (s) and speed [J, K] (m/s) at constant acceleration from the start speed to the end speed."""
-    share = jnp.minimum(ahead[None, :] / end.length[:, None], 1)
+    share = lean.minimum(ahead[None, :] / end.length[:, None], 1)
     squared = start_speed**2 + (end.speed[:, None] ** 2 - start_speed**2) * share
     speed = safe.sqrt(squared)
     return safe.divide(2 * share * end.length[:, None], start_speed + speed), speed

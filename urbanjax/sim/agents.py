@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import polynomial, safe
+from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
@@ -95,7 +95,7 @@ def wanted_speed(
     """
     limit = take(lanes.graph.speed_limit, chain.link) * factor[None, :]
     allowed = curve_speed(take(lanes.curvature, chain.link), params.lateral_acceleration, cap=limit)
-    distance = jnp.where(chain.start > -0.5 * FAR, jnp.maximum(chain.start, 0.0), FAR)
+    distance = jnp.where(chain.start > -0.5 * FAR, lean.maximum(chain.start, 0.0), FAR)
     return safe.minimum(approach_speed(distance, allowed, deceleration=params.idm.deceleration), 0)
 
 
@@ -113,7 +113,7 @@ def follow(
     free = free_acceleration(
         traffic.speed, wanted_speed(lanes, traffic.desired_speed, chain=chain, params=params), params=idm
     )
-    strongest = jnp.maximum(braking, interaction(traffic.speed, front.gap, front_speed=front.speed, params=idm))
+    strongest = lean.maximum(braking, interaction(traffic.speed, front.gap, front_speed=front.speed, params=idm))
     wanted = free - jnp.where(traffic.reacts, strongest, 0.0)
     return jnp.clip(wanted, -params.max_deceleration, params.idm.acceleration)
 
@@ -134,11 +134,11 @@ def move(
     A vehicle that leaves a link without successor is gone (`valid` False). Args: lanes, the simulator's tables;
     traffic, V vehicles; acceleration [V] m/s^2; dt [s].
     """
-    speed = jnp.maximum(traffic.speed + acceleration * dt, 0.0)
+    speed = lean.maximum(traffic.speed + acceleration * dt, 0.0)
     travelled = 0.5 * (traffic.speed + speed) * dt
     # The lateral move goes with the distance below a walking pace, so that nobody slides sideways at a halt.
-    pace = jnp.minimum(speed / params.min_speed, 1.0) / params.change_duration
-    moved = jnp.minimum(traffic.moved + pace * dt, 1.0)
+    pace = lean.minimum(speed / params.min_speed, 1.0) / params.change_duration
+    moved = lean.minimum(traffic.moved + pace * dt, 1.0)
     share = polynomial.smoother_step(moved)
     moving = moved < 1
     traffic = traffic.replace(
@@ -148,7 +148,7 @@ def move(
         other_station=traffic.other_station + travelled,
         moved=moved,
         offset=traffic.offset_from * (1 - share) + traffic.offset_to * share,
-        cooldown=jnp.maximum(traffic.cooldown - dt, 0.0),
+        cooldown=lean.maximum(traffic.cooldown - dt, 0.0),
     )
     return _cross(lanes, traffic, moving, params)
 
@@ -184,7 +184,7 @@ def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Ob
     share = traffic.moved
     # 30 s^2 (1 - s)^2 is the derivative of the quintic.
     slope = 30 * (share * (1 - share)) ** 2 / params.change_duration
-    turned = (traffic.offset_to - traffic.offset_from) * slope / jnp.maximum(traffic.speed, params.min_speed)
+    turned = (traffic.offset_to - traffic.offset_from) * slope / lean.maximum(traffic.speed, params.min_speed)
     normal = jnp.stack([-jnp.sin(heading), jnp.cos(heading)], axis=-1)
     return Objects(
         position=row[:, : roads.HEADING] + traffic.offset[:, None] * normal,

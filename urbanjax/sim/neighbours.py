@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.types import pytree
@@ -87,7 +87,7 @@ def ahead(chain: Chain, bodies: Bodies, *, seen: Bool[Array, "j i"]) -> Float[Ar
     for link, station in ((bodies.link, bodies.station), (bodies.other, bodies.other_station)):
         for m in range(chain.link.shape[0]):
             found = _match(chain.link[m][None, :], chain.start[m][None, :], link[:, None], station[:, None])
-            nearest = jnp.minimum(nearest, found)
+            nearest = lean.minimum(nearest, found)
     return jnp.where(seen, nearest, FAR)
 
 
@@ -99,7 +99,7 @@ def behind(chain: Chain, link: Array, *, station: Array, seen: Bool[Array, "j i"
     nearest = jnp.asarray(FAR, station.dtype)
     for m in range(chain.link.shape[0]):
         found = _match(chain.link[m][:, None], chain.start[m][:, None], link[None, :], station[None, :])
-        nearest = jnp.minimum(nearest, found)
+        nearest = lean.minimum(nearest, found)
     return jnp.where(seen, nearest, FAR)
 
 

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.numerics import lean
 from urbanjax.types import POSITIVE, field, pytree, static
 from urbanjax.vehicle.limits import MIN_SPEED
 
@@ -43,14 +44,14 @@ def desired_gap(speed: Float[Array, "*b"], front_speed: Float[Array, "*b"], *, p
     """Gap that IDM wants [m], s0 + v T + v (v - v_f) / (2 sqrt(a b)). Args: speed and front_speed [*B] m/s."""
     closing = speed * (speed - front_speed) / (2 * jnp.sqrt(params.acceleration * params.deceleration))
     dynamic = speed * params.time_headway + closing
-    return params.jam_distance + (jnp.maximum(dynamic, 0.0) if params.floored else dynamic)
+    return params.jam_distance + (lean.maximum(dynamic, 0.0) if params.floored else dynamic)
 
 
 def free_acceleration(
     speed: Float[Array, "*b"], desired_speed: Float[Array, "*b"], *, params: IDMParams
 ) -> Float[Array, "*b"]:
     """IDM's acceleration on a free road [m/s^2], a (1 - (v / v_0)^exponent). Args: speed and desired_speed [*B] m/s."""
-    ratio = jnp.maximum(speed / jnp.maximum(jnp.abs(desired_speed), MIN_SPEED), MIN_RATIO)
+    ratio = lean.maximum(speed / lean.maximum(jnp.abs(desired_speed), MIN_SPEED), MIN_RATIO)
     return params.acceleration * (1 - ratio**params.exponent)
 
 
@@ -61,7 +62,7 @@ def interaction(
 
     Args: speed [*B] m/s; gap [*B] m, bumper to bumper; front_speed [*B] m/s.
     """
-    ratio = desired_gap(speed, front_speed, params=params) / jnp.maximum(gap, MIN_GAP)
+    ratio = desired_gap(speed, front_speed, params=params) / lean.maximum(gap, MIN_GAP)
     return params.acceleration * ratio * ratio
 
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import safe
+from urbanjax.numerics import lean, safe
 
 MIN_SPEED = 1e-2  # m/s, below which a limit is as good as zero
 
@@ -16,8 +16,8 @@ def curve_speed(
 
     Args: curvature [*B] 1/m; lateral_acceleration [m/s^2]; cap [m/s].
     """
-    bound = jnp.maximum(cap, MIN_SPEED)
-    return jnp.sqrt(lateral_acceleration / jnp.maximum(jnp.abs(curvature), lateral_acceleration / (bound * bound)))
+    bound = lean.maximum(cap, MIN_SPEED)
+    return jnp.sqrt(lateral_acceleration / lean.maximum(jnp.abs(curvature), lateral_acceleration / (bound * bound)))
 
 
 def stop_speed(
@@ -30,7 +30,7 @@ def stop_speed(
     positive; reaction_time [s].
     """
     delay = deceleration * reaction_time
-    return safe.sqrt(delay * delay + 2 * deceleration * jnp.maximum(distance, 0.0)) - delay
+    return safe.sqrt(delay * delay + 2 * deceleration * lean.maximum(distance, 0.0)) - delay
 
 
 def approach_speed(
@@ -40,7 +40,7 @@ def approach_speed(
 
     Args: distance [*B] m; target_speed [*B] m/s; deceleration [m/s^2], positive.
     """
-    return safe.sqrt(target_speed * target_speed + 2 * deceleration * jnp.maximum(distance, 0.0))
+    return safe.sqrt(target_speed * target_speed + 2 * deceleration * lean.maximum(distance, 0.0))
 
 
 def stopping_distance(speed: Float[Array, "*b"], deceleration: float | Array) -> Float[Array, "*b"]:

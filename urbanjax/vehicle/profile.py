@@ -30,10 +30,10 @@ def free_flow(
     from_start = speed**2 + 2 * params.acceleration * distance
     # Which points lie ahead is told by index: in a fused loop a distance may differ from itself in the last digit.
     index = np.arange(distance.shape[0])
-    gap_ahead = jnp.maximum(distance[None, :] - distance[:, None], 0)
+    gap_ahead = lean.maximum(distance[None, :] - distance[:, None], 0)
     to_caps = cap[None, :] ** 2 + 2 * params.deceleration * gap_ahead
     to_caps = lean.where(jnp.asarray(index[None, :] >= index[:, None]), to_caps, jnp.inf)
-    squared = jnp.minimum(from_start, safe.minimum(to_caps))
+    squared = lean.minimum(from_start, safe.minimum(to_caps))
     profile = safe.sqrt(squared + params.floor**2)
     step = 2 * jnp.diff(distance) / (profile[1:] + profile[:-1])
     return profile, lean.running_sum(step)

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from numpy.polynomial import Polynomial
 
 from urbanjax.geometry.frenet import scale
-from urbanjax.numerics import soft
+from urbanjax.numerics import lean, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.cross_section import CrossSections, drivable
 from urbanjax.types import pytree
@@ -152,7 +152,7 @@ def join(
         # That of `geometry.frenet.offset_curve`, with one division for its five: there are many edges.
         twist = (kappa * rise + change * value) * rise
         sharp = (bend * size + twist + kappa * squared) / (squared * rate)
-        outside = jnp.maximum(value - left, right - value) + half
+        outside = lean.maximum(value - left, right - value) + half
         return Edges(detour=rate - 1, curvature=jnp.abs(sharp), bending=rate * sharp * sharp, outside=outside)
 
     # Share by share: as one array with a further axis, or as a loop, it would take twice as long.
@@ -182,7 +182,7 @@ class EdgeLimits:
 def sharpest(vehicle: VehicleParams, limits: EdgeLimits) -> Array:
     """The greatest curvature [] (1/m) that an edge may have. Args: vehicle; limits, of the edges."""
     steering = jnp.tan(jnp.asarray(vehicle.max_steering)) / vehicle.wheelbase
-    return jnp.minimum(limits.max_curvature, limits.steering_share * steering)
+    return lean.minimum(limits.max_curvature, limits.steering_share * steering)
 
 
 def refused(

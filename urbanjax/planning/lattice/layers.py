@@ -7,7 +7,7 @@ from jax import Array, lax
 from jaxtyping import Float, Int
 
 from urbanjax.geometry import frenet
-from urbanjax.numerics import soft
+from urbanjax.numerics import lean, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import Passage, gaps
 from urbanjax.planning.costs import BARRIERS, CURVATURE_ROUNDING, barrier, smooth_abs
@@ -196,7 +196,7 @@ def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict
     ways = jax.tree.map(lambda x: x[1:], ways)
     bends = jnp.max(jnp.abs(lattice.steps.curvature[1:]), axis=1)[:, None, None]
     beyond = refused(
-        ways, jnp.maximum(sharpest(driving.vehicle, weights.edges), bends), limits=weights.edges, relaxation=relaxation
+        ways, lean.maximum(sharpest(driving.vehicle, weights.edges), bends), limits=weights.edges, relaxation=relaxation
     )
     across = lattice.offset[1:, None, :] - lattice.offset[:-1, :, None]
     crossed = abs(lattice.lane[:, None] - lattice.lane[None, :]).astype(across.dtype)
@@ -239,5 +239,5 @@ def start_terms(
 
 def _too_steep(across: Array, along: Array, speed: Array, weights: LatticeWeights, relaxation: Relaxation) -> Array:
     """Degree to which a step's slope is beyond the geometric limit or the lateral speed."""
-    limit = jnp.minimum(weights.max_slope, weights.lateral_speed / speed)
+    limit = lean.minimum(weights.max_slope, weights.lateral_speed / speed)
     return soft.above(jnp.abs(across) / along - limit, 0.0, relaxation, scale=weights.slope_scale)
