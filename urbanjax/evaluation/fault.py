@@ -58,12 +58,8 @@ def at_fault(
     params = FaultRule() if params is None else params
     ego, others = facts.ego, facts.others
     own, theirs = boxes(facts)
+    begins = first_touches(facts, relaxation=relaxation)
     there = others.valid & facts.alive[:, None]
-    begins = soft.combine(
-        lambda: facts.first_touch.astype(own.x.dtype),
-        lambda: _first(jnp.where(there, touch(own, theirs, relaxation=relaxation), 0)),
-        relaxation=relaxation,
-    )
     apart = soft.combine(
         lambda: (jnp.cumsum(facts.first_touch, axis=0) == 0).astype(own.x.dtype),
         lambda: jnp.cumprod(1 - jnp.where(there, touch(own, theirs, relaxation=relaxation), 0), axis=0),
@@ -85,6 +81,20 @@ def at_fault(
     active = soft.both(soft.negate(behind), soft.either(front, side))
     fault = soft.both(moves, soft.either(soft.negate(other_moves), active))
     return Faults(begins, begins * fault, apart)
+
+
+def first_touches(facts: Facts, *, relaxation: Relaxation) -> Float[Array, "t v"]:
+    """Degree to which the ego and each other road user touch for the first time in each step.
+
+    Args: facts, of one drive; relaxation, hard or how soft.
+    """
+    own, theirs = boxes(facts)
+    there = facts.others.valid & facts.alive[:, None]
+    return soft.combine(
+        lambda: facts.first_touch.astype(own.x.dtype),
+        lambda: _first(jnp.where(there, touch(own, theirs, relaxation=relaxation), 0)),
+        relaxation=relaxation,
+    )
 
 
 def boxes(facts: Facts) -> tuple[Box, Box]:

@@ -1,12 +1,11 @@
 import dataclasses
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tests.evaluation.scores import oracle
-from tests.evaluation.scores.drives import VEHICLE, batch, clean_drive, stacked
+from tests.evaluation.scores.drives import VEHICLE, batch, busy_drive, clean_drive, parts, stacked
 from urbanjax.evaluation.scores import nuplan
 from urbanjax.numerics.soft import Relaxation
 
@@ -126,32 +125,6 @@ def test_a_short_drive_has_a_score():
         assert float(found.total) == 1
     short = jax.tree.map(lambda x: x[:3] if np.ndim(x) else x, CLEAN).replace(goal=np.asarray(0.5))
     assert float(score(short, VEHICLE).total) == 1
-
-
-def parts(facts):
-    """The float leaves, and how to put others in their place."""
-    leaves, tree = jax.tree.flatten(jax.tree.map(jnp.asarray, facts))
-    where = [i for i, leaf in enumerate(leaves) if np.issubdtype(leaf.dtype, np.floating)]
-
-    def back(floats):
-        full = list(leaves)
-        for i, leaf in zip(where, floats, strict=True):
-            full[i] = leaf
-        return jax.tree.unflatten(tree, full)
-
-    return [leaves[i] for i in where], back
-
-
-def busy_drive():
-    """A drive that is close to all of its thresholds, but loses nothing for good."""
-    rng = np.random.default_rng(3)
-    drive = clean_drive(t=40, others=((9.0, 0.2, 0.05, 8.5), (-9.0, 1.0, 0.1, 10.5), (6.0, 3.2, 0.02, 10.0)))
-    noise = {
-        name: getattr(drive, name) + rng.normal(scale=0.2, size=40)
-        for name in ("along", "speed_limit", "yaw_rate", "acceleration", "road_margin")
-    }
-    ego = drive.ego.replace(heading=0.1 * np.sin(np.arange(40) / 6), speed=10 + rng.normal(scale=0.1, size=40))
-    return drive.replace(ego=ego, goal=np.asarray(60.0), speed_limit=noise.pop("speed_limit") - 3, **noise)
 
 
 def test_the_soft_gradient_is_that_of_finite_differences(x64):

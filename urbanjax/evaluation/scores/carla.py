@@ -26,9 +26,15 @@ import jax.numpy as jnp
 from jax import Array
 
 from urbanjax.evaluation.facts import Facts
+from urbanjax.evaluation.fault import SPEED_SCALE, first_touches
+from urbanjax.evaluation.metrics import HARD
+from urbanjax.numerics import safe, soft
+from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import RoadUser, pytree
 
 SHORTEST = 1e-3  # m, that a way counts as
+EDGE_SCALE = 0.1  # m, natural scale of being off the road for the relaxation
+AGAINST_SCALE = 0.5  # m/s, of driving against the direction
 
 
 @pytree
@@ -45,50 +51,60 @@ class CarlaParams:
 
 @pytree
 class CarlaScore:
-    """The driving score and its parts."""
+    """The driving score and its parts; counts are int32 in mode hard."""
 
     total: Array  # [] in [0, 100]
     completion: Array  # [] in [0, 1], the share of the route made
     outside: Array  # [] in [0, 1], the share of the way driven outside the lanes
     penalty: Array  # [] in [0, 1], product of the coefficients
-    pedestrians: Array  # [] int32, collisions with them
-    vehicles: Array  # [] int32, collisions with them
-    statics: Array  # [] int32, collisions with objects that never move
-    red_lights: Array  # [] int32, run
+    pedestrians: Array  # [] collisions with them
+    vehicles: Array  # [] collisions with them
+    statics: Array  # [] collisions with objects that never move
+    red_lights: Array  # [] run
 
 
-def score(facts: Facts, *, params: CarlaParams | None = None) -> CarlaScore:
-    """The driving score of one drive; see the table above. Hard only.
+def score(facts: Facts, *, params: CarlaParams | None = None, relaxation: Relaxation = HARD) -> CarlaScore:
+    """The driving score of one drive; see the table above.
 
-    Args: facts, of one drive; params, coefficients and thresholds.
+    In mode soft counts of collisions are sums of degrees, with a gradient; red lights, kinds, lanes and the end of the
+    drive stay what they are. Args: facts, of one drive; params, coefficients and thresholds; relaxation, hard or how
+    soft.
     """
     params = CarlaParams() if params is None else params
     ego, others = facts.ego, facts.others.with_kinds()
-    collided = jnp.any(facts.first_touch & (ego.speed >= params.still)[:, None], axis=0)
+
+    def fast(speed: Array) -> Array:
+        """Degree to which somebody moves, at the threshold too."""
+        return soft.negate(soft.above(-speed, -params.still, relaxation, scale=SPEED_SCALE))
+
+    collided = jnp.sum(first_touches(facts, relaxation=relaxation) * fast(ego.speed)[:, None], axis=0)
     seen = others.valid & facts.alive[:, None]
-    moves = jnp.any(seen & (jnp.abs(others.speed) >= params.still), axis=0)
+    moves = fast(safe.maximum(jnp.where(seen, jnp.abs(others.speed), 0), 0))
     kind = jnp.max(jnp.where(seen, jnp.asarray(others.kind), 0), axis=0)
-    pedestrian = kind == RoadUser.PEDESTRIAN
-    static = ~moves & (kind == RoadUser.VEHICLE)
+    pedestrian = (kind == RoadUser.PEDESTRIAN).astype(moves.dtype)
+    static = (1 - moves) * (kind == RoadUser.VEHICLE)
     counts = {
-        "pedestrians": jnp.sum(collided & pedestrian, dtype=jnp.int32),
-        "vehicles": jnp.sum(collided & ~pedestrian & ~static, dtype=jnp.int32),
-        "statics": jnp.sum(collided & static, dtype=jnp.int32),
-        "red_lights": jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32),
+        "pedestrians": jnp.sum(collided * pedestrian),
+        "vehicles": jnp.sum(collided * (1 - pedestrian) * (1 - static)),
+        "statics": jnp.sum(collided * static),
+        "red_lights": jnp.sum(facts.ran_red & facts.alive).astype(moves.dtype),
     }
     coefficients = jnp.asarray((params.pedestrian, params.vehicle, params.static, params.red_light), ego.speed.dtype)
     penalty = jnp.prod(coefficients ** jnp.stack(list(counts.values())))
     route = jnp.maximum(facts.goal - facts.station[0], SHORTEST)
-    furthest = jnp.max(jnp.where(facts.alive, facts.station, facts.station[0])) - facts.station[0]
+    furthest = safe.maximum(jnp.where(facts.alive, facts.station, facts.station[0])) - facts.station[0]
     completion = jnp.where(facts.reached, 1, jnp.clip(furthest / route, 0, 1))
-    outside = _share_outside(facts, params)
+    outside = _share_outside(facts, params, relaxation)
     total = 100 * completion * (1 - outside) * penalty
+    if relaxation.mode == "hard":
+        counts = {name: count.astype(jnp.int32) for name, count in counts.items()}
     return CarlaScore(total=total, completion=completion, outside=outside, penalty=penalty, **counts)
 
 
-def _share_outside(facts: Facts, params: CarlaParams) -> Array:
+def _share_outside(facts: Facts, params: CarlaParams, relaxation: Relaxation) -> Array:
     """Share of the way driven with the box centre off the road or in a lane of the other direction."""
-    off = facts.road_margin < -(params.allowance + facts.ego.width / 2)
-    wrong = facts.along < -params.still
+    allowed = params.allowance + facts.ego.width / 2
+    off = soft.above(-facts.road_margin, allowed, relaxation, scale=EDGE_SCALE)
+    wrong = soft.above(-facts.along, params.still, relaxation, scale=AGAINST_SCALE)
     steps = jnp.abs(facts.station[1:] - facts.station[:-1]) * facts.alive[1:]
-    return jnp.sum(jnp.where((off | wrong)[1:], steps, 0)) / jnp.maximum(jnp.sum(steps), SHORTEST)
+    return jnp.sum(soft.either(off, wrong)[1:] * steps) / jnp.maximum(jnp.sum(steps), SHORTEST)

@@ -23,7 +23,13 @@ from jax import Array
 from jaxtyping import Float, Int
 
 from urbanjax.evaluation.facts import Facts
+from urbanjax.evaluation.metrics import HARD
+from urbanjax.numerics import safe, soft
+from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import pytree
+
+LANE_SCALE = 0.3  # m, natural scale of being in the lane for the relaxation
+AHEAD_SCALE = 1.0  # m, of being ahead
 
 
 @pytree
@@ -54,10 +60,11 @@ class CommonRoadCost:
     length: Array  # [] m
 
 
-def cost(facts: Facts, *, params: CommonRoadParams | None = None) -> CommonRoadCost:
+def cost(facts: Facts, *, params: CommonRoadParams | None = None, relaxation: Relaxation = HARD) -> CommonRoadCost:
     """The cost WX1 of one drive; see the table above.
 
-    Args: facts, of one drive; params, weights and scales.
+    In mode soft others are in the lane and ahead by degrees. Args: facts, of one drive; params, weights and scales;
+    relaxation, hard or how soft.
     """
     params = CommonRoadParams() if params is None else params
     n = jnp.sum(facts.alive)
@@ -70,22 +77,24 @@ def cost(facts: Facts, *, params: CommonRoadParams | None = None) -> CommonRoadC
         "velocity_offset": jnp.zeros_like(duration),
         "acceleration": _simpson(acceleration**2, n - 1) * period,
         "jerk": _simpson(jerk**2, n - 2) * period,
-        "obstacles": _simpson(jnp.exp(-params.decay * _distance(facts, params)), n) * period,
+        "obstacles": _simpson(_closeness(facts, params, relaxation), n) * period,
         "length": _simpson(speed, n) * period,
     }
     total = sum((getattr(params, name) * part for name, part in parts.items()), jnp.zeros_like(duration))
     return CommonRoadCost(total=total, **parts)
 
 
-def _distance(facts: Facts, params: CommonRoadParams) -> Float[Array, " t"]:
-    """Along the lane to the closest one ahead in it, inf without one."""
+def _closeness(facts: Facts, params: CommonRoadParams, relaxation: Relaxation) -> Float[Array, " t"]:
+    """exp(-decay * way along the lane) to the closest one ahead in it, 0 without one."""
     ego, others = facts.ego, facts.others
     road = ego.heading - facts.heading_error
     cos, sin = jnp.cos(road)[:, None], jnp.sin(road)[:, None]
     dx, dy = (others.position[..., i] - ego.position[:, None, i] for i in range(2))
     ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
-    in_lane = others.valid & (jnp.abs(aside) < params.aside) & (ahead > 0)
-    return jnp.min(jnp.where(in_lane, ahead - params.radius * ego.width[:, None], jnp.inf), axis=1)
+    in_lane = soft.above(-jnp.abs(aside), -params.aside, relaxation, scale=LANE_SCALE)
+    counts = soft.both(in_lane, soft.above(ahead, 0.0, relaxation, scale=AHEAD_SCALE))
+    way = jnp.maximum(ahead, 0) - params.radius * ego.width[:, None]
+    return safe.maximum(jnp.where(others.valid, counts * jnp.exp(-params.decay * way), 0), 1)
 
 
 def _simpson(values: Float[Array, " t"], n: Int[Array, ""]) -> Float[Array, ""]:

@@ -15,12 +15,18 @@ import enum
 
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float
 
 from urbanjax.evaluation.facts import Facts
 from urbanjax.evaluation.fault import FaultRule, at_fault
+from urbanjax.evaluation.metrics import HARD
+from urbanjax.numerics import soft
+from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import field, pytree
 from urbanjax.vehicle.params import VehicleParams
+
+EDGE_SCALE = 0.1  # m, natural scale of being off the road for the relaxation
+OVERSPEED_SCALE = 0.5  # m/s, of speeding
 
 
 class Violation(enum.IntEnum):
@@ -63,33 +69,35 @@ class CompetitionScore:
     """What the drive is worth in the qualification."""
 
     total: Array  # [] s, time and penalties
-    success: Array  # [] bool, the goal within the limit without a violation
+    success: Array  # [] bool (soft: degree), the goal within the limit without a violation
     reached: Array  # [] bool, the goal within the limit
     time: Array  # [] s, to the goal; the limit where it was not reached
-    violations: Array  # [K] int32, counts by Violation
+    violations: Array  # [K] int32 (soft: degrees), counts by Violation
 
 
-def score(facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | None = None) -> CompetitionScore:
-    """The score of one drive; see the table above. Hard only.
+def score(
+    facts: Facts, vehicle: VehicleParams, *, params: CompetitionParams | None = None, relaxation: Relaxation = HARD
+) -> CompetitionScore:
+    """The score of one drive; see the table above.
 
-    Args: facts, of one drive; vehicle, the ego's dimensions; params, tolerances and penalties.
+    In mode soft collisions, leaving the road and speeding count by degrees, with a gradient, and success is a degree;
+    red lights, lanes and the end of the drive stay what they are. Args: facts, of one drive; vehicle, the ego's
+    dimensions; params, tolerances and penalties; relaxation, hard or how soft.
     """
     params = CompetitionParams() if params is None else params
-    faults = at_fault(facts, vehicle, params=params.blame)
-    counts = {one: _times(facts, wrong) for one, wrong in wrongs(facts, params=params).items()}
+    faults = at_fault(facts, vehicle, params=params.blame, relaxation=relaxation)
+    counts = {one: _times(facts, wrong) for one, wrong in _degrees(facts, params, relaxation).items()}
     counts |= {  # events, not spells
-        Violation.AT_FAULT: jnp.sum(faults.at_fault > 0, dtype=jnp.int32),
-        Violation.RED_LIGHT: jnp.sum(facts.ran_red & facts.alive, dtype=jnp.int32),
+        Violation.AT_FAULT: jnp.sum(faults.at_fault),
+        Violation.RED_LIGHT: jnp.sum(facts.ran_red & facts.alive).astype(faults.at_fault.dtype),
     }
     violations = jnp.stack([counts[one] for one in Violation])
     time = jnp.where(facts.reached, facts.duration, facts.limit)
-    return CompetitionScore(
-        total=time + jnp.sum(jnp.asarray(params.penalties, time.dtype) * violations),
-        success=facts.reached & ~jnp.any(violations > 0),
-        reached=facts.reached,
-        time=time,
-        violations=violations,
-    )
+    total = time + jnp.sum(jnp.asarray(params.penalties, time.dtype) * violations)
+    success = facts.reached * jnp.prod(1 - jnp.minimum(violations, 1))
+    if relaxation.mode == "hard":
+        success, violations = success > 0, violations.astype(jnp.int32)
+    return CompetitionScore(total=total, success=success, reached=facts.reached, time=time, violations=violations)
 
 
 def wrongs(facts: Facts, *, params: CompetitionParams | None = None) -> dict[Violation, Bool[Array, " t"]]:
@@ -98,16 +106,23 @@ def wrongs(facts: Facts, *, params: CompetitionParams | None = None) -> dict[Vio
     Args: facts, of one drive; params, tolerances.
     """
     params = CompetitionParams() if params is None else params
+    return {one: degree > 0 for one, degree in _degrees(facts, params, HARD).items()}
+
+
+def _degrees(facts: Facts, params: CompetitionParams, relaxation: Relaxation) -> dict[Violation, Float[Array, " t"]]:
+    """The degree to which each violation but collisions goes on."""
+    outside = soft.above(-facts.road_margin, params.outside, relaxation, scale=EDGE_SCALE)
+    limit = facts.speed_limit + params.overspeed
     return {
-        Violation.OFF_ROAD: facts.road_margin < -params.outside,
-        Violation.RED_LIGHT: facts.ran_red,
-        Violation.SPEEDING: facts.ego.speed > facts.speed_limit + params.overspeed,
-        Violation.ONCOMING: facts.wrong_way,
+        Violation.OFF_ROAD: outside,
+        Violation.RED_LIGHT: facts.ran_red.astype(outside.dtype),
+        Violation.SPEEDING: soft.above(facts.ego.speed, limit, relaxation, scale=OVERSPEED_SCALE),
+        Violation.ONCOMING: facts.wrong_way.astype(outside.dtype),
     }
 
 
-def _times(facts: Facts, wrong: Bool[Array, " t"]) -> Int[Array, ""]:
-    """How often something became true while the drive lasted."""
-    wrong = wrong & facts.alive
-    before = jnp.concatenate([jnp.zeros_like(wrong[:1]), wrong[:-1]])
-    return jnp.sum(wrong & ~before, dtype=jnp.int32)
+def _times(facts: Facts, degree: Float[Array, " t"]) -> Float[Array, ""]:
+    """How often something became true while the drive lasted: all that its degree rose."""
+    degree = degree * facts.alive
+    before = jnp.concatenate([jnp.zeros_like(degree[:1]), degree[:-1]])
+    return jnp.sum(jnp.maximum(degree - before, 0))
