@@ -12,6 +12,7 @@ from urbanjax.evaluation.traffic import MANNERS, mannered, mannered_sim
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.sim import agents
 from urbanjax.sim.agents import TrafficParams
+from urbanjax.sim.scenarios.stage import StageSize
 from urbanjax.sim.world import SimParams
 from urbanjax.types import Objects, RoadUser
 from urbanjax.vehicle.model import box_centre
@@ -70,8 +71,9 @@ def test_missions_share_a_program():
     def shape(found):
         return jax.tree.structure(found), [(np.shape(x), np.asarray(x).dtype) for x in jax.tree.leaves(found)]
 
-    same = [shape(case(name, 3)) for name in MISSIONS if name != "pedestrian"]
+    same = [shape(case(name, 3)) for name in MISSIONS if MISSIONS[name].size == StageSize()]
     assert all(one == same[0] for one in same)
+    assert len(same) == len(MISSIONS) - 2
     assert len(QUALIFICATION) == 8
     assert len({mission.number for mission in (*QUALIFICATION, *HARD)}) == len(MISSIONS)
 
@@ -182,3 +184,17 @@ def test_manners():
     assert not np.any(mixed.changes & ~plain.reacts)
     assert mannered_sim(SimParams(), "non_yielding").reaction.margin > 100
     assert mannered_sim(SimParams(), "idm") == SimParams()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_district(seed):
+    found = case("district", seed)
+    traffic, graph = found.start.traffic, found.lanes.graph
+    assert traffic.valid.all()
+    assert traffic.changes.all()
+    assert len(set(np.round(traffic.headway, 6))) == len(set(np.round(traffic.desired_speed, 6))) == 32
+    assert not (graph.road_type[traffic.link] == RoadType.JUNCTION).any()
+    position = np.asarray(boxes(found).position)
+    away = np.linalg.norm(position[1:] - position[:1], axis=1)
+    assert 12 < away.min() < away.max() < 170
+    assert len(set(np.round(found.start.signals.offset, 3))) == 2

@@ -4,10 +4,18 @@ import dataclasses
 from functools import partial
 
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
+from urbanjax.roadmap.padding import GraphSize
 from urbanjax.sim.scenarios import casts, drawn_roads
 from urbanjax.sim.scenarios.stage import StageSize
 
 WALKED = dataclasses.replace(StageSize(), n_recorded=1, n_times=round(LONGEST / casts.PERIOD) + 2)
+
+DISTRICT = dataclasses.replace(
+    StageSize(),
+    graph=GraphSize(n_links=196, n_successors=3, n_relations=9, n_signals_per_link=1),
+    n_signals=10,
+    n_vehicles=32,
+)
 
 
 def congestion() -> Mission:
@@ -67,4 +75,21 @@ def pedestrian() -> Mission:
     return Mission("pedestrian", 16, drawn_roads.dual, casts.stepping_out, way=110.0, pace=0.2, size=WALKED)
 
 
-HARD = (congestion(), lane_drop(), oncoming_overtake(), roundabout(), double_parked(), tight_right(), pedestrian())
+def district() -> Mission:
+    """Get on in a street of several lanes, full of vehicles that change them, past signals, lane drops and curves.
+
+    Success: 150 m within 30 s. Failure: a violation, or not being there in time.
+    """
+    return Mission("district", 18, drawn_roads.city, casts.dense, way=150.0, pace=0.2, size=DISTRICT)
+
+
+HARD = (
+    congestion(),
+    lane_drop(),
+    oncoming_overtake(),
+    roundabout(),
+    double_parked(),
+    tight_right(),
+    pedestrian(),
+    district(),
+)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from urbanjax.roadmap.graph import RoadType
 from urbanjax.sim.scenarios.stage import Cast
 from urbanjax.sim.signals import SignalProgram
 from urbanjax.types import RoadUser, as_arrays
@@ -15,6 +16,12 @@ SLOW = (1.5, 4.0)  # m/s, of a leader that is to be passed
 ROOM = 4.0  # m, free around every vehicle at the start
 LINE = 3.0  # m from the end of a leg, before which one can stop
 COMFORT = 2.0  # m/s^2, of that
+SPACING = 16.0  # m, between places in one lane of a dense street
+AROUND = 160.0  # m, of the ego's start, within which it is filled
+EGO_ROOM = 14.0  # m, that stay free around it
+WISH = (0.6, 1.1)  # of the speed limit, what drivers there want
+HEADWAY = (0.9, 1.8)  # s
+START_SHARE = 0.6  # of the wanted speed, at which they start
 LEAVES = 0.7  # share of those in a roundabout who leave it at the next leg
 PERIOD = 0.1  # s, of what is written
 
@@ -202,12 +209,39 @@ def cross_traffic(rng: np.random.Generator, cast: Cast) -> None:
 def signalised(rng: np.random.Generator, cast: Cast) -> None:
     """The same with signals: two phases in a cycle of 18 to 24 s that begins anywhere. Args: rng; cast."""
     cross_traffic(rng, cast)
+    cast.signals = alternate(rng, cast.stage.size.n_signals)
+
+
+def dense(rng: np.random.Generator, cast: Cast) -> None:
+    """A street full of vehicles that want more or less than the limit and change lanes, at signals that change.
+
+    Args: rng; cast, on a stage of many links.
+    """
+    enter(rng, cast)
+    graph, stage = cast.stage.graph, cast.stage
+    junction, here = np.asarray(graph.road_type) == RoadType.JUNCTION, stage.point(START)[0]
+    places = [
+        (int(link), station)
+        for link in np.flatnonzero(np.asarray(graph.valid) & ~junction & ~np.asarray(stage.lanes.ends))
+        for station in np.arange(float(rng.uniform(6.0, 14.0)), float(graph.length[link]) - 6.0, SPACING)
+        if EGO_ROOM < np.linalg.norm(stage.on(link, station) - here) < AROUND
+    ]
+    for k in rng.permutation(len(places))[: stage.size.n_vehicles]:
+        link, station = places[k]
+        wish, limit = float(rng.uniform(*WISH)), float(graph.speed_limit[link])
+        own = {"headway": float(rng.uniform(*HEADWAY)), "changes": True, "desired_speed": wish}
+        cast.add_on(link, station, speed=START_SHARE * wish * limit, **own)
+    cast.signals = alternate(rng, stage.size.n_signals)
+
+
+def alternate(rng: np.random.Generator, count: int) -> SignalProgram:
+    """Signals of two phases in a cycle of 18 to 24 s that begins anywhere. Args: rng; count, of signals."""
     cycle, yellow, clearance = float(rng.uniform(18.0, 24.0)), 3.0, 1.0
     begin = float(rng.uniform(0.0, cycle))
-    phase = np.arange(cast.stage.size.n_signals) % 2
-    each, share = np.ones(len(phase)), 0.5 - (yellow + clearance) / cycle
+    phase = np.arange(count) % 2
+    each, share = np.ones(count), 0.5 - (yellow + clearance) / cycle
     program: dict[str, Any] = {"offset": begin + phase * cycle / 2, "green": share * each}
-    cast.signals = SignalProgram(**as_arrays({**program, "cycle": cycle * each, "yellow": yellow * each}))
+    return SignalProgram(**as_arrays({**program, "cycle": cycle * each, "yellow": yellow * each}))
 
 
 def alone(rng: np.random.Generator, cast: Cast) -> None:

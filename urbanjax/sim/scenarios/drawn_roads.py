@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from urbanjax.roadmap.builders import curve, intersection, roundabout, straight, two_way
+from urbanjax.roadmap.builders import curve, district, intersection, roundabout, straight, two_way
 from urbanjax.roadmap.builders.curves import trace
 from urbanjax.roadmap.builders.lanes import assemble
 from urbanjax.roadmap.builders.sections import corridor
 from urbanjax.roadmap.builders.specs import RoadStyle
-from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.graph import RoadGraph, RoadType
 from urbanjax.types import host_record
 
 SPEED_LIMIT = (40 / 3.6, 60 / 3.6)  # m/s
@@ -21,6 +21,8 @@ LEG = 100.0  # m, of an intersection
 TIGHT = (2.5, 4.0)  # m, from the edge of the road to the ends of the legs, at a corner for tight turns
 RING = (12.0, 18.0)  # m, radius of a roundabout
 LEGS = 4
+LEAST = 35.0  # m, of a link that is half as long as one on which a route begins
+AHEAD = 420.0  # m, of the district, that a route has at least
 STEPS = {"left": 3, "straight": 2, "right": 1}  # legs further on, counter-clockwise
 
 
@@ -104,3 +106,21 @@ def ring(rng: np.random.Generator) -> DrawnRoad:
     leg, onwards = int(rng.integers(LEGS)), int(rng.integers(1, LEGS))
     graph = roundabout(float(rng.uniform(*RING)), leg=LEG, style=how)
     return DrawnRoad(graph, leg, LEGS + (leg + onwards) % LEGS, how.speed_limit)
+
+
+def city(rng: np.random.Generator) -> DrawnRoad:
+    """The district, from a link drawn among those where the road is open and has lanes beside. Args: rng."""
+    how = style(rng)
+    graph = district(how.lane_width, how.speed_limit, n_points=how.n_points)
+    following, has = np.asarray(graph.successor), np.asarray(graph.has_successor)
+    open_road = np.asarray(graph.valid) & (np.asarray(graph.road_type) != RoadType.JUNCTION)
+    beside = np.asarray(graph.has_left) | np.asarray(graph.has_right)
+    length = np.asarray(graph.length)
+    for start in rng.permutation(np.flatnonzero(open_road & beside & (length > 2 * LEAST))):
+        link, way = int(start), float(length[start])
+        while way < AHEAD and has[link].any():
+            link = int(following[link][has[link]][0])
+            way += float(length[link])
+        if way >= AHEAD:
+            return DrawnRoad(graph, int(start), link, how.speed_limit)
+    raise AssertionError("the district is a closed course")
