@@ -60,13 +60,16 @@ def draw_matrix(rows: Rows, path: Path) -> None:
         axes.set_title("success [%] by driver and traffic")
 
 
-def draw_gallery(drives: Sequence[tuple[str, Log, RoadGraph, bool]], path: Path, vehicle: VehicleParams) -> None:
-    """One drive of each mission from above. Args: drives: title, log until the end, road, whether it failed."""
+def draw_gallery(drives: Sequence[tuple[str, Log, RoadGraph, VehicleParams, bool]], path: Path) -> None:
+    """One drive of each mission from above.
+
+    Args: drives: title, log until the end, road, vehicle, whether it failed.
+    """
     across = min(len(drives), 2)
     rows = math.ceil(len(drives) / across)
     with figure(path, 5.5 * across, height=2.5 * rows) as canvas:
         panels = np.ravel(canvas.subplots(rows, across, squeeze=False))
-        for axes, (title, log, graph, failed) in zip(panels, drives, strict=False):
+        for axes, (title, log, graph, vehicle, failed) in zip(panels, drives, strict=False):
             _from_above(axes, *_turned(log, graph), vehicle, BAD if failed else GOOD)
             axes.set(title=title, xlabel="", ylabel="")
         for axes in panels[len(drives) :]:

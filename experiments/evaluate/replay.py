@@ -9,7 +9,6 @@ import numpy as np
 from experiments.evaluate import figures, study
 from experiments.evaluate.study import EvaluateStudy
 from urbanjax.evaluation.batch import Job, case_of, moment, outcomes
-from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.figures import animation, drives
 from urbanjax.io.runs import progress, report
@@ -30,20 +29,22 @@ def write(params: EvaluateStudy, run: Run) -> None:
     if params.row >= len(rows):
         raise ConfigError(f"row={params.row}: {params.replay} holds the rows 0 to {len(rows) - 1}")
     row = rows[params.row]
-    if row["mission"] not in MISSIONS:
+    then = _params_of(params.replay)
+    asked = study.missions_of(then)
+    if row["mission"] not in asked:
         raise ConfigError(f"row={params.row}: there is no mission {row['mission']!r} any more")
-    loop = study.loop_of(_params_of(params.replay), row["driver"])
-    job = Job(MISSIONS[row["mission"]], row["seed"])
+    loop = study.loop_of(then, row["driver"])
+    job = Job(asked[row["mission"]], row["seed"])
     title = f"{row['driver']}, {row['mission']}, seed {row['seed']}, {row['traffic']} traffic: {row['cause']}"
     with progress.bar("replay") as tick:
         tick(title)
         (one,) = outcomes(loop, [job], traffic=row["traffic"], logs=True)
         again = {**study.row_of(row["driver"], one), "cause": Cause(int(one.row["cause"])).label}
         differs = [name for name in row if not _same(row[name], again.get(name))]
-        log, graph = study.until_end(one, case_of(loop, job, traffic=row["traffic"]))
-        frames = figures.moving(log, graph, loop.vehicle, every=EVERY, title=title)
+        log, graph, vehicle = study.until_end(one, case_of(loop, job, traffic=row["traffic"]), loop.vehicle)
+        frames = figures.moving(log, graph, vehicle, every=EVERY, title=title)
         animation.write_gif(run.path("replay.gif"), frames, rate=1.0 / (EVERY * float(loop.period)))
-        drives.drive(log, graph, path=run.path("replay.png"), vehicle=loop.vehicle)
+        drives.drive(log, graph, path=run.path("replay.png"), vehicle=vehicle)
         when = row["cause_time_s"] if np.isfinite(row["cause_time_s"]) else row["duration_s"]
         time = max(when - float(params.before), 0.0)
         tick(f"asking why at {time:.1f} s")

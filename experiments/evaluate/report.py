@@ -9,7 +9,8 @@ from experiments.evaluate import figures, replay, study, tables
 from experiments.evaluate.study import EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
-from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.missions.mission import Mission
+from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
@@ -17,6 +18,9 @@ from urbanjax.io.runs.directory import Run, git_state, write_atomically
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError
+from urbanjax.vehicle.params import VehicleParams
+
+Asked = dict[str, Mission | RecordedMission]
 
 EVERY = 2  # steps between the pictures of a GIF
 PEAK = 1024.0  # kB in a MB
@@ -41,13 +45,14 @@ def write(params: EvaluateStudy, run: Run) -> None:
     if params.run:
         _compare(params, run)
         return
-    rows, driven, seconds = _drive(params, run)
+    asked = study.missions_of(params)
+    rows, driven, seconds = _drive(params, run, asked)
     run.table("rows", tables.columns(rows))
     expected = [
         (driver, traffic, job.mission.name, job.seed)
         for driver in dict.fromkeys(params.drivers)
         for traffic in dict.fromkeys(params.traffic)
-        for job in study.jobs_of(params)
+        for job in study.jobs_of(params, asked, traffic)
     ]
     run.summary(tables.summary(rows))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PEAK
@@ -85,18 +90,18 @@ def write(params: EvaluateStudy, run: Run) -> None:
                 *shown,
             ],
         ),
-        report.Section("By mission", [], [report.Table(SUCCESS, found["missions"]), _gallery(params, run)]),
+        report.Section("By mission", [], [report.Table(SUCCESS, found["missions"]), _gallery(params, run, asked)]),
         report.Section(
             "Why drives failed", [], [report.Table("First violation, or what kept it from the goal", found["causes"])]
         ),
         report.Section("nuPlan's sub-scores", [], [report.Table("Raw means, before the gates", found["subscores"])]),
         report.Section("Coverage", [], [report.Table(", ".join(KEY), found["coverage"])]),
-        *_worst(params, run, rows),
+        *_worst(params, run, rows, asked),
     ]
     report.write_report(run.path("report.html"), "Evaluation", sections=sections, manifest=run.manifest("complete"))
 
 
-def _drive(params: EvaluateStudy, run: Run) -> tuple[Rows, int, float]:
+def _drive(params: EvaluateStudy, run: Run, asked: Asked) -> tuple[Rows, int, float]:
     """All rows, how many of them were driven, and the seconds that it took; chunks are written as they are complete."""
     import pyarrow
     import pyarrow.parquet
@@ -116,7 +121,7 @@ def _drive(params: EvaluateStudy, run: Run) -> tuple[Rows, int, float]:
             left = f", {passed / share - passed:.0f} s left" if share > 0 else ""
             tick(f"{label}, {len(rows) / passed:.1f} drives/s{left}", share)
 
-        for name, part in study.drives(params, done, paced):
+        for name, part in study.drives(params, asked, done, paced):
             part = [{**row, "cause": _label(row["cause"])} for row in part]
             pyarrow.parquet.write_table(pyarrow.Table.from_pylist(part), folder / f"{name}.parquet.part")
             (folder / f"{name}.parquet.part").rename(folder / f"{name}.parquet")
@@ -128,45 +133,47 @@ def _label(cause: Any) -> str:
     return cause if isinstance(cause, str) else Cause(cause).label
 
 
-def _gallery(params: EvaluateStudy, run: Run) -> report.Picture:
+def _gallery(params: EvaluateStudy, run: Run, asked: Asked) -> report.Picture:
     """One drive of each mission by the first driver."""
-    driver = params.drivers[0]
-    jobs = [Job(MISSIONS[name], params.seed) for name in dict.fromkeys(params.missions)]
+    driver, traffic = params.drivers[0], next(x for x in params.traffic if study.jobs_of(params, asked, x))
+    jobs = list({job.mission.name: job for job in reversed(study.jobs_of(params, asked, traffic))}.values())[::-1]
     drives = [
         (
             f"{one.job.mission.name}: {_label(int(one.row['cause']))}",
-            *_log_and_road(params, driver, one),
+            *_log_and_road(params, driver, traffic, one),
             not one.row["success"],
         )
-        for one in outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
+        for one in outcomes(study.loop_of(params, driver), jobs, traffic=traffic, logs=True)
     ]
-    figures.draw_gallery(drives, run.path("missions.png"), params.vehicle)
+    figures.draw_gallery(drives, run.path("missions.png"))
     caption = f"One drive of each mission by {driver}, seed {params.seed}; red where it failed"
     return report.Picture(caption, run.path("missions.png"))
 
 
-def _worst(params: EvaluateStudy, run: Run, rows: Rows) -> list[report.Section]:
+def _worst(params: EvaluateStudy, run: Run, rows: Rows, asked: Asked) -> list[report.Section]:
     """Moving pictures of the first driver's worst drives."""
-    driver = params.drivers[0]
-    chosen = tables.worst(tables.chosen(rows, traffic=params.traffic[0]), driver, params.worst)
+    driver, traffic = params.drivers[0], rows[0]["traffic"]
+    chosen = tables.worst(tables.chosen(rows, traffic=traffic), driver, params.worst)
     if not chosen:
         return []
-    jobs = [Job(MISSIONS[row["mission"]], row["seed"]) for row in chosen]
+    jobs = [Job(asked[row["mission"]], row["seed"]) for row in chosen]
     items: list[report.Table | report.Picture] = []
-    drives = outcomes(study.loop_of(params, driver), jobs, traffic=params.traffic[0], logs=True)
+    drives = outcomes(study.loop_of(params, driver), jobs, traffic=traffic, logs=True)
     for row, one in zip(chosen, drives, strict=True):
-        log, graph = _log_and_road(params, driver, one)
+        log, graph, vehicle = _log_and_road(params, driver, traffic, one)
         name = f"worst_{row['mission']}_{row['seed']}.gif"
         title = f"{row['mission']}, seed {row['seed']}: {row['cause']} at {row['cause_time_s']:.1f} s"
-        frames = figures.moving(log, graph, params.vehicle, every=EVERY, title=title)
+        frames = figures.moving(log, graph, vehicle, every=EVERY, title=title)
         write_gif(run.path(name), frames, rate=1.0 / (EVERY * float(params.period)))
         items.append(report.Picture(title, run.path(name)))
     return [report.Section(f"Worst drives of {driver}", [], items)]
 
 
-def _log_and_road(params: EvaluateStudy, driver: str, outcome: Outcome) -> tuple[Log, RoadGraph]:
-    case = case_of(study.loop_of(params, driver), outcome.job, traffic=params.traffic[0])
-    return study.until_end(outcome, case)
+def _log_and_road(
+    params: EvaluateStudy, driver: str, traffic: str, outcome: Outcome
+) -> tuple[Log, RoadGraph, VehicleParams]:
+    case = case_of(study.loop_of(params, driver), outcome.job, traffic=traffic)
+    return study.until_end(outcome, case, params.vehicle)
 
 
 def _compare(params: EvaluateStudy, run: Run) -> None:

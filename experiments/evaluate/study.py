@@ -13,15 +13,38 @@ from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.facts import ROUNDING
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
+from urbanjax.evaluation.missions.mission import Mission
+from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
+from urbanjax.evaluation.recorded.scenes import prepare
 from urbanjax.evaluation.traffic import MANNERS
+from urbanjax.io import maps
+from urbanjax.io.files import data_folder
+from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError, Unread, field, pytree, static
 from urbanjax.types.unread import changed
+from urbanjax.vehicle.params import VehicleParams
 
+RECORDED = "replay"  # the traffic of recordings
+SAME = 1e-6  # s, by which periods may differ
 STAMP = "of.json"  # in the folder of rows: what they are of
-DRIVEN = ("vehicle", "period", "sensor", "sim", "missions", "drivers", "traffic", "seeds", "seed", "worst", "resume")
+DRIVEN = (
+    "vehicle",
+    "period",
+    "sensor",
+    "sim",
+    "missions",
+    "scenes",
+    "drivers",
+    "traffic",
+    "seeds",
+    "seed",
+    "worst",
+    "resume",
+)
+OF_SCENES = ("folder", "shortest", "corridor")
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
 
 
@@ -32,6 +55,7 @@ class EvaluateStudy(LoopParams):
     UNREAD: ClassVar[dict[str, Unread | None]] = {
         **dict.fromkeys(("row", "before"), Unread("no row is driven again, see 'replay'", lambda p: not p.replay)),
         **dict.fromkeys(DRIVEN, Unread("nothing new is driven with 'replay' or 'run'", lambda p: p.replay or p.run)),
+        **dict.fromkeys(OF_SCENES, Unread("no recording is driven in, see 'scenes'", lambda p: not p.scenes)),
         "stack": Unread(
             "the stack does not drive, see 'drivers', 'replay' and 'run'",
             lambda p: p.replay or p.run or not {"stack", "blind"} & set(p.drivers),
@@ -48,8 +72,13 @@ class EvaluateStudy(LoopParams):
     idm: IdmDriver = IdmDriver()
     pdm: PdmDriver = PdmDriver()
     missions: tuple[str, ...] = static(
-        default=tuple(mission.name for mission in QUALIFICATION), metadata={"choices": tuple(MISSIONS)}
+        default=tuple(mission.name for mission in QUALIFICATION),
+        metadata={"choices": tuple(MISSIONS), "may_be_empty": True},
     )
+    scenes: tuple[str, ...] = static(default=())  # recordings (CommonRoad), driven in with traffic 'replay'
+    folder: str = static(default="", metadata={"path": True})  # of them, by default that of the data beside
+    shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a recorded drive lasts
+    corridor: CorridorParams = CorridorParams()  # along recorded routes
     drivers: tuple[str, ...] = static(default=("stack",), metadata={"choices": tuple(DRIVERS)})
     traffic: tuple[str, ...] = static(default=("idm",), metadata={"choices": tuple(MANNERS)})
     seeds: int = static(default=256, metadata={"range": (1, 10**5)})  # drives of each mission
@@ -73,20 +102,58 @@ def loop_of(study: EvaluateStudy, driver: str) -> LoopParams:
     return loop.replace(driver=getattr(study, driver) if driver in WITH_KEYS else DRIVERS[driver]())
 
 
-def jobs_of(study: EvaluateStudy) -> list[Job]:
-    """The drives of one driver in one kind of traffic."""
+def jobs_of(study: EvaluateStudy, asked: dict[str, Mission | RecordedMission], traffic: str) -> list[Job]:
+    """The drives of one driver in one kind of traffic. Args: asked, the missions by name."""
     seeds = range(study.seed, study.seed + study.seeds)
-    return [Job(MISSIONS[name], seed) for name in dict.fromkeys(study.missions) for seed in seeds]
+    drawn = [Job(one, seed) for one in asked.values() if not isinstance(one, RecordedMission) for seed in seeds]
+    scenes = [one for one in asked.values() if isinstance(one, RecordedMission)]
+    return drawn + [Job(one, k) for one in scenes if traffic == RECORDED for k in range(one.count)]
+
+
+def missions_of(study: EvaluateStudy) -> dict[str, Mission | RecordedMission]:
+    """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in."""
+    found: dict[str, Mission | RecordedMission] = {name: MISSIONS[name] for name in study.missions}
+    folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded") if study.scenes else Path()
+    for name in study.scenes:
+        path = folder / f"{name.removesuffix('.xml')}.xml"
+        if not path.is_file():
+            raise ConfigError(f"scenes: there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")
+        road = maps.read(path)
+        if road.recording is None:
+            raise ConfigError(f"scenes: {path} holds no recorded traffic")
+        if abs(road.recording.dt - float(study.period)) > SAME:
+            every = road.recording.dt
+            raise ConfigError(f"scenes: {path} was recorded every {every} s: set period={every}")
+        scene = prepare(
+            path.stem,
+            road.graph,
+            recording=road.recording,
+            params=study.corridor,
+            shortest=float(study.shortest),
+            vehicle=study.vehicle,
+        )
+        found[path.stem] = recorded_mission(scene)
+    if not found:
+        raise ConfigError("nothing is asked: name 'missions' or 'scenes'")
+    if study.scenes and RECORDED not in study.traffic:
+        raise ConfigError(f"recordings are driven in as they were: add {RECORDED!r} to 'traffic', or ask no 'scenes'")
+    return found
 
 
 def drives(
-    study: EvaluateStudy, done: dict[str, list[dict[str, Any]]], tick: Callable[[str, float], None]
+    study: EvaluateStudy,
+    asked: dict[str, Mission | RecordedMission],
+    done: dict[str, list[dict[str, Any]]],
+    tick: Callable[[str, float], None],
 ) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """The rows of all drives by chunk, whose name says which. Args: done, chunks that are known by name."""
-    jobs = jobs_of(study)
+    """The rows of all drives by chunk, whose name says which.
+
+    Args: asked, the missions by name; done, chunks that are known by name.
+    """
     pairs = [(driver, traffic) for driver in dict.fromkeys(study.drivers) for traffic in dict.fromkeys(study.traffic)]
-    total, count = len(pairs) * len(jobs), 0
+    total, count = sum(len(jobs_of(study, asked, traffic)) for _, traffic in pairs), 0
     for driver, traffic in pairs:
+        jobs = jobs_of(study, asked, traffic)
         starts = range(0, len(jobs), CHUNK)
         names = {k: f"{driver}-{traffic}-{k // CHUNK:05d}" for k in starts}
         missing = [k for k in starts if names[k] not in done]
@@ -106,12 +173,12 @@ def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
     return {"driver": driver, **{name: plain(value) for name, value in outcome.row.items()}}
 
 
-def until_end(outcome: Outcome, case: Case) -> tuple[Log, RoadGraph]:
-    """The log until the drive ends, and the road."""
+def until_end(outcome: Outcome, case: Case, own: VehicleParams) -> tuple[Log, RoadGraph, VehicleParams]:
+    """The log until the drive ends, the road, and the vehicle. Args: own, where the case has none of its own."""
     assert outcome.log is not None
     time = outcome.log.time - outcome.log.time[0]
     last = int(np.searchsorted(time, float(outcome.row["duration_s"]) + ROUNDING))
-    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph
+    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph, case.vehicle or own
 
 
 def plain(value: Any) -> Any:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from urbanjax.evaluation import statistics
+from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.missions.mission import ROADS
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.evaluation.verdict import Cause
@@ -41,8 +42,8 @@ def names(rows: Rows, column: str) -> list[str]:
 
 
 def scenes(rows: Rows) -> np.ndarray:
-    """The road of each drive: drives of one road depend on each other."""
-    return np.array([f"{row['mission']} {row['seed'] % ROADS}" for row in rows])
+    """The road or the recording of each drive: drives of one depend on each other."""
+    return np.array([f"{row['mission']} {row['seed'] % ROADS if row['mission'] in MISSIONS else ''}" for row in rows])
 
 
 def success(rows: Rows) -> WithInterval:

@@ -21,6 +21,7 @@ from urbanjax.drivers import IdmDriver
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
+from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
 from urbanjax.evaluation.verdict import judge
 from urbanjax.numerics.compiling import compiler_options
@@ -36,7 +37,7 @@ SEGMENT = 50  # steps between two looks at who is still driving
 class Job:
     """One drive to be done."""
 
-    mission: Mission
+    mission: Mission | RecordedMission
     seed: int
 
 
@@ -129,6 +130,9 @@ def _cases(loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int)
         return
     waiting, follower = iter(jobs), loop.replace(driver=as_arrays(IdmDriver()))
     while part := list(itertools.islice(waiting, chunk)):
+        if isinstance(part[0][1].mission, RecordedMission):
+            yield from ((number, job, case_of(loop, job, traffic=traffic)) for number, job in part)
+            continue
         for number, one in _stream(follower, part, "idm", chunk, logs=True, whole=True):
             assert one.log is not None
             case = case_of(loop, one.job, traffic=traffic)
@@ -239,16 +243,22 @@ def _compiled(function: Callable) -> Callable:
     return jax.jit(function, compiler_options=compiler_options())
 
 
+def _own(loop: LoopParams, case: Case) -> LoopParams:
+    """The loop with the vehicle of a drive."""
+    return loop if case.vehicle is None else loop.replace(vehicle=case.vehicle)
+
+
 def _begin(loop: LoopParams, cases: Case) -> Underway:
-    return jax.vmap(lambda case: begin(loop, case.course, start=case.start))(cases)
+    return jax.vmap(lambda case: begin(_own(loop, case), case.course, start=case.start))(cases)
 
 
 def _segment(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
     """`SEGMENT` steps of all, and which of them are still driving."""
 
     def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-        after, (log, _) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
-        seen = facts(log, case, vehicle=loop.vehicle)
+        own = _own(loop, case)
+        after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
+        seen = facts(log, case, vehicle=own.vehicle)
         late = after.world.time - case.start.time > case.limit
         return after, log, ~jnp.any(seen.station >= case.goal) & ~late
 
@@ -259,7 +269,7 @@ def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, A
     """One step of all, and what the driver says of it."""
 
     def one(case: Case, now: Underway) -> tuple[Underway, Any]:
-        after, (_, info) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
+        after, (_, info) = go_on(_own(loop, case), case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
         return after, jax.tree.map(lambda x: x[0], info)
 
     return jax.vmap(one)(cases, now)
@@ -267,7 +277,8 @@ def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, A
 
 def _judge(loop: LoopParams, cases: Case, logs: Log) -> dict[str, jax.Array]:
     def one(case: Case, log: Log) -> dict[str, jax.Array]:
-        return judge(facts(log, case, vehicle=loop.vehicle), loop.vehicle)
+        vehicle = _own(loop, case).vehicle
+        return judge(facts(log, case, vehicle=vehicle), vehicle)
 
     return jax.vmap(one)(cases, logs)
 

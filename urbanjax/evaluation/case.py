@@ -7,6 +7,7 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import WorldState
 from urbanjax.types import pytree
+from urbanjax.vehicle.params import VehicleParams
 
 
 @pytree
@@ -18,6 +19,7 @@ class Case:
     start: WorldState
     goal: Array  # [] m, station of the route that the ego's box centre has to pass
     limit: Array  # [] s, within which
+    vehicle: VehicleParams | None = None  # that drives; None: that of the closed loop
 
     @property
     def course(self) -> Course:

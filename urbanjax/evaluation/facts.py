@@ -17,6 +17,7 @@ from urbanjax.types import Objects, SignalState, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 ROUNDING = 1e-3  # s, by which sums of periods may be off
+INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is: up to here from the ends of the map
 
 
 @pytree
@@ -84,7 +85,7 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
         in_one_lane=lane.whole,
         in_junction=lane.junction,
         lane_offset=lane.offset,
-        road_margin=log.road_margin,
+        road_margin=jnp.where(_mapped(case.corridor, place, vehicle), log.road_margin, INSIDE),
         ran_red=_ran_red(log, case, place.station + vehicle.length / 2) & alive,
         ego=ego,
         others=others,
@@ -94,6 +95,12 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
         limit=case.limit,
         reached=jnp.any(passed & alive),
     )
+
+
+def _mapped(corridor: Corridor, place: Progress, vehicle: VehicleParams) -> Bool[Array, " t"]:
+    """Whether the whole box lies between where the route enters the map and where it leaves it."""
+    reach = vehicle.length / 2 + INSIDE
+    return (place.station > reach) & (place.station + reach < corridor.length)
 
 
 @pytree

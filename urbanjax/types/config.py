@@ -164,7 +164,7 @@ def _grid(spec: dataclasses.Field, current: tuple, value: Any, key: str) -> tupl
     default = default_of(spec)
     if not isinstance(value, list | tuple):
         raise ConfigError(f"'{key}' must be a list, not {value!r}")
-    if not value and default:
+    if not value and default and not spec.metadata.get("may_be_empty"):
         raise ConfigError(f"'{key}' must not be empty")
     like = current or default
     first = like[0] if like else typing.get_args(spec.type)[0]()

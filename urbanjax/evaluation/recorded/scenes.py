@@ -17,10 +17,11 @@ from urbanjax.roadmap.matching import match, near
 from urbanjax.roadmap.route import Route
 from urbanjax.sim.recording import Recording
 from urbanjax.sim.replay import Replay
-from urbanjax.types import RouteError, VehicleState, as_arrays, host_record
+from urbanjax.types import RoadUser, RouteError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 ROUNDING = 1e-6  # s, by which a recording may be too short
+KINDS = {"pedestrian": RoadUser.PEDESTRIAN, "bicycle": RoadUser.CYCLIST}  # as files name them; others are vehicles
 WHEELBASE, OVERHANG = 0.6, 0.2  # of a vehicle's length, where a recording does not say
 
 
@@ -64,7 +65,7 @@ def prepare(
     shortest: float,
     vehicle: VehicleParams | None = None,
 ) -> RecordedScene:
-    """Every recorded vehicle that moves, lasts `shortest` s, and overlaps no other in the recording.
+    """Every recorded motor vehicle that moves, lasts `shortest` s, and overlaps no other in the recording.
 
     Raises RouteError where there is none. Args: name, of the scene; graph, the road graph; recording, the road users;
     shortest [s]; vehicle, the stack's own (default: the standard one).
@@ -73,7 +74,7 @@ def prepare(
     touching = _overlapping(recording)
     for v, label in enumerate(str(i) for i in recording.ids):
         steps = int(recording.valid[:, v].sum())
-        if recording.standing[v] or (steps - 1) * recording.dt < shortest - ROUNDING:
+        if recording.standing[v] or recording.kind[v] in KINDS or (steps - 1) * recording.dt < shortest - ROUNDING:
             continue
         other = touching[v]
         if other is not None:
@@ -237,6 +238,7 @@ def replay_without(recording: Recording, index: int | None) -> Replay:
         "width": recording.width,
         "valid": valid,
         "period": float(recording.dt),
+        "kind": np.array([KINDS.get(kind, RoadUser.VEHICLE) for kind in recording.kind], np.int32),
     }
     return Replay(**as_arrays(rows))
 
