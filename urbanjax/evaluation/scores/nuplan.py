@@ -14,8 +14,7 @@ Total = product of the gates * weighted mean of the others; a gate at 0 takes ev
 | comfort | 2 | 0 where any of the six leaves its bounds |
 
 As there, the last second holds one step more than a second has, the time to collision is looked for at 0.1, 0.2 .. 2.9
-s, and windows and orders of the filters are those that its functions are really called with: 8 and 2 for accelerations,
-15 and 2 for jerks of the accelerations so smoothed, 5 and 2 for the yaw rate, 5 and 3 for the yaw acceleration.
+s, and the filters are those that its functions are really called with (see `comfort`).
 
 What differs, because the world does:
 - Nobody was recorded: the way from the start to the goal stands for the expert's. Its floor is 2 m as in the devkit's
@@ -36,14 +35,15 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
+from urbanjax.evaluation import comfort as feel
 from urbanjax.evaluation.facts import Facts
 from urbanjax.evaluation.fault import FaultRule, Faults, at_fault, bearing, boxes, further_than, touch
 from urbanjax.evaluation.metrics import HARD
 from urbanjax.geometry.boxes import Box
-from urbanjax.numerics import safe, soft
-from urbanjax.numerics.savgol import savgol
+from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import pytree, static
+from urbanjax.vehicle.comfort import ComfortParams
 from urbanjax.vehicle.params import VehicleParams
 
 # Natural scales of the choices for the relaxation.
@@ -163,11 +163,9 @@ def score(
     within = soft.above(ttc, params.least_ttc, relaxation, scale=TTC_SCALE)
     over = jnp.sum(jnp.where(facts.alive, steps.overspeed, 0)) / jnp.maximum(jnp.sum(facts.alive) - 1, 1)
     speed_limit = jnp.where(jnp.sum(facts.alive) > 1, jnp.maximum(1 - over / params.overspeed, 0), 1)
-    comfort = jnp.prod(
-        jnp.stack(
-            [soft.above(least(x, COMFORT_SCALE), 0.0, relaxation, scale=COMFORT_SCALE) for x in _room(steps, params)]
-        )
-    )
+    felt = feel.Smoothed(**{name: getattr(steps, name) for name in feel.Smoothed.__dataclass_fields__})
+    room = [least(x, COMFORT_SCALE) for x in feel.room(felt, _bounds(params))]
+    comfort = jnp.prod(jnp.stack([soft.above(x, 0.0, relaxation, scale=COMFORT_SCALE) for x in room]))
     parts = {"ttc_within_bound": within, "progress": ratio, "speed_limit": speed_limit, "comfort": comfort}
     weights = params.ttc_weight, params.progress_weight, params.speed_limit_weight, params.comfort_weight
     gated = jnp.stack([gate * part for part in parts.values()])
@@ -199,35 +197,16 @@ def _faults(facts: Facts, vehicle: VehicleParams, params: NuplanParams, relaxati
 def _series(
     facts: Facts, vehicle: VehicleParams, params: NuplanParams, relaxation: Relaxation, faults: Faults
 ) -> NuplanSeries:
-    ego, n, period = facts.ego, jnp.sum(facts.alive), _period(facts)
-    across = ego.speed * facts.yaw_rate
-    magnitude = safe.norm(jnp.stack([facts.acceleration, across], axis=-1))
-    turns = jnp.round((ego.heading[1:] - ego.heading[:-1]) / (2 * jnp.pi))
-    heading = ego.heading - 2 * jnp.pi * jnp.concatenate([jnp.zeros_like(ego.heading[:1]), jnp.cumsum(turns)])
-
-    def jerk(acceleration: Array) -> Array:
-        smoothed = savgol(acceleration, jnp.maximum(n, 15), window=8, order=2)
-        return savgol(smoothed, n, window=15, order=2, derivative=1, spacing=period)
-
+    period = feel.period(facts)
+    felt = feel.smoothed(feel.motion(facts), jnp.sum(facts.alive), spacing=period)
     return NuplanSeries(
         at_fault=1 - jnp.prod(1 - faults.at_fault, axis=1),
         margin=facts.road_margin,
         advance=_advance(facts, params, period),
         ttc=_ttc(facts, vehicle, params, relaxation, faults),
-        overspeed=jnp.maximum(ego.speed - facts.speed_limit, 0),
-        longitudinal=savgol(facts.acceleration, n, window=8, order=2),
-        lateral=savgol(across, n, window=8, order=2),
-        jerk=jerk(magnitude),
-        longitudinal_jerk=jerk(facts.acceleration),
-        yaw_rate=savgol(heading, n, window=5, order=2, derivative=1, spacing=period),
-        yaw_acceleration=savgol(heading, n, window=5, order=3, derivative=2, spacing=period),
+        overspeed=jnp.maximum(facts.ego.speed - facts.speed_limit, 0),
+        **{name: getattr(felt, name) for name in felt.__dataclass_fields__},
     )
-
-
-def _period(facts: Facts) -> Float[Array, ""]:
-    """Mean period [s], 1 for a drive of one step."""
-    n = jnp.sum(facts.alive)
-    return jnp.where(n > 1, facts.duration - facts.time[0], 1) / jnp.maximum(n - 1, 1)
 
 
 def _advance(facts: Facts, params: NuplanParams, period: Array) -> Float[Array, " t"]:
@@ -269,14 +248,13 @@ def _progress(facts: Facts, params: NuplanParams, relaxation: Relaxation) -> Flo
     return forwards * jnp.minimum(jnp.maximum(facts.way, params.least_way) / reference, 1)
 
 
-def _room(steps: NuplanSeries, params: NuplanParams) -> list[Array]:
-    """Room left to the bounds of comfort, in shares of each; positive within."""
-    bounds = [
-        (steps.longitudinal, params.min_longitudinal, params.max_longitudinal),
-        (steps.lateral, -params.max_lateral, params.max_lateral),
-        (steps.jerk, -params.max_jerk, params.max_jerk),
-        (steps.longitudinal_jerk, -params.max_longitudinal_jerk, params.max_longitudinal_jerk),
-        (steps.yaw_rate, -params.max_yaw_rate, params.max_yaw_rate),
-        (steps.yaw_acceleration, -params.max_yaw_acceleration, params.max_yaw_acceleration),
-    ]
-    return [room for x, low, high in bounds for room in (1 - x / low, 1 - x / high)]
+def _bounds(params: NuplanParams) -> ComfortParams:
+    return ComfortParams(
+        acceleration=params.max_longitudinal,
+        deceleration=-params.min_longitudinal,
+        lateral=params.max_lateral,
+        jerk=params.max_jerk,
+        longitudinal_jerk=params.max_longitudinal_jerk,
+        yaw_rate=params.max_yaw_rate,
+        yaw_acceleration=params.max_yaw_acceleration,
+    )
