@@ -33,6 +33,7 @@ class Facts:
     speed_limit: Array  # [T] m/s
     yaw_rate: Array  # [T] rad/s
     acceleration: Array  # [T] m/s^2, longitudinal
+    oncoming: Array  # [T] bool, the box centre lies in a lane whose direction is against the route's
     wrong_way: Array  # [T] bool, the box centre lies in an oncoming lane that may not be used to overtake
     in_one_lane: Array  # [T] bool, the whole box lies in a single lane
     in_junction: Array  # [T] bool, the box centre does
@@ -81,6 +82,7 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
         speed_limit=lane.speed_limit,
         yaw_rate=log.ego.speed * jnp.tan(log.ego.steering) / vehicle.wheelbase,
         acceleration=log.ego.acceleration,
+        oncoming=lane.oncoming,
         wrong_way=lane.oncoming & ~lane.permitted & alive,
         in_one_lane=lane.whole,
         in_junction=lane.junction,

@@ -68,6 +68,7 @@ def random_drive(rng, t, v=4):
         speed_limit=rng.choice([8.0, 14.0]) + wander(rng, t, 0.3),
         yaw_rate=wander(rng, t, 0.1 * calm),
         acceleration=wander(rng, t, calm),
+        oncoming=np.zeros(t, bool),
         wrong_way=spells(rng, t, 0.1),
         in_one_lane=spells(rng, t, 0.7),
         in_junction=spells(rng, t, 0.2),
@@ -98,7 +99,7 @@ def random_drive(rng, t, v=4):
         limit=np.asarray(t * PERIOD),
         reached=np.asarray(rng.random() < 0.5),
     )
-    return with_touches(facts)
+    return with_touches(facts.replace(oncoming=facts.along < 0))
 
 
 def clean_drive(t=100, others=((200.0, 0.0, 0.0, 10.0), (0.0, 40.0, 0.0, 10.0)), speed=10.0, **fields):
@@ -118,6 +119,7 @@ def clean_drive(t=100, others=((200.0, 0.0, 0.0, 10.0), (0.0, 40.0, 0.0, 10.0)),
         speed_limit=zero + 13.0,
         yaw_rate=zero,
         acceleration=zero,
+        oncoming=np.zeros(t, bool),
         wrong_way=np.zeros(t, bool),
         in_one_lane=np.ones(t, bool),
         in_junction=np.zeros(t, bool),
