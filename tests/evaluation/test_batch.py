@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.drivers import IdmDriver, Standstill
+from urbanjax.drivers import IdmDriver, PdmDriver, Standstill
 from urbanjax.evaluation import batch
-from urbanjax.evaluation.batch import Job, case_of, outcomes
+from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
 from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.rollout import LoopParams, rollout
-from urbanjax.types import as_arrays
+from urbanjax.types import ConfigError, as_arrays
 
 LOOP = LoopParams(driver=IdmDriver())
 JOBS = [Job(MISSIONS[name], seed) for name, seed in (("cut_in", 0), ("cut_in", 1), ("signal_left", 2), ("cut_in", 3))]
@@ -62,6 +62,33 @@ def test_it_is_the_closed_loop_until_the_drive_ends(found):
     whole = facts(jax.tree.map(jnp.asarray, one.log), case, vehicle=LOOP.vehicle)
     assert bool(whole.reached) == bool(one.row["competition_reached"])
     assert float(whole.duration) == pytest.approx(float(one.row["duration_s"]), abs=1e-4)
+
+
+@pytest.mark.slow
+def test_with_the_epdms_the_rest_of_a_row_stays(found):
+    more = list(outcomes(LOOP, JOBS, chunk=CHUNK, epdms=True))
+    for one, other in zip(found, more, strict=True):
+        added = {name for name in other.row if name.startswith("epdms_driven_")}
+        assert other.row.keys() - added == one.row.keys()
+        equal(one, Outcome(other.job, {name: other.row[name] for name in one.row}))
+        assert added >= {"epdms_driven_total", "epdms_driven_gate", "epdms_driven_extended_comfort_defined"}
+        assert np.isfinite([float(other.row[name]) for name in added]).all()
+        segments = round(float(other.row["duration_s"]) * 10) / batch.SEGMENT
+        assert int(other.row["epdms_driven_windows"]) == int(segments) + (segments % 1 >= 0.8)
+
+
+@pytest.mark.slow
+def test_the_reference_makes_the_way_of_the_reference():
+    for one in outcomes(LoopParams(driver=PdmDriver()), JOBS, chunk=CHUNK, epdms=True):
+        row = {name.removeprefix("epdms_driven_"): float(value) for name, value in one.row.items() if "epdms" in name}
+        assert row["ego_progress"] == 1
+        if row["gate"] == 1:
+            assert row["way"] == pytest.approx(row["reference"], abs=1e-3)
+
+
+def test_the_epdms_has_a_period_of_its_own():
+    with pytest.raises(ConfigError, match="'period' is 0\\.2 s"):
+        next(outcomes(LOOP.replace(period=0.2), JOBS, epdms=True))
 
 
 def test_the_row_says_whether_and_why(found):

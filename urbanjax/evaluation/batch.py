@@ -5,11 +5,10 @@ does not depend on which others share its chunk, nor on when it began.
 """
 
 import dataclasses
-import functools
 import itertools
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -18,19 +17,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.drivers import IdmDriver
+from urbanjax.evaluation import programs
 from urbanjax.evaluation.case import Case
-from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission
+from urbanjax.evaluation.programs import SEGMENT, compiled
+from urbanjax.evaluation.scores.epdms_windows import PERIOD
 from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
-from urbanjax.evaluation.verdict import judge
-from urbanjax.numerics.compiling import compiler_options
-from urbanjax.rollout import LoopParams, Underway, begin, go_on
+from urbanjax.rollout import LoopParams, Underway
 from urbanjax.sim.log import Log
-from urbanjax.types import as_arrays, host_record
+from urbanjax.types import ConfigError, as_arrays, host_record
 
 CHUNK = 16  # drives at once: faster per drive than one or 64
-SEGMENT = 50  # steps between two looks at who is still driving
 
 
 @host_record
@@ -54,17 +52,26 @@ Numbered = tuple[int, Job]
 
 
 def outcomes(
-    loop: LoopParams, jobs: Sequence[Job], *, traffic: str = "idm", chunk: int = CHUNK, logs: bool = False
+    loop: LoopParams,
+    jobs: Sequence[Job],
+    *,
+    traffic: str = "idm",
+    chunk: int = CHUNK,
+    logs: bool = False,
+    epdms: bool = False,
 ) -> Iterator[Outcome]:
     """The outcome of every job, in their order, as drives end.
 
     All missions of one size share a program. Args: loop, with the driver; jobs; traffic, how the others drive (see
-    `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept.
+    `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept; epdms, whether rows hold
+    that score too, for which `pdm` drives beside everybody. Raises ConfigError for it with another period than its own.
     """
+    if epdms and not np.isclose(float(loop.period), PERIOD):
+        raise ConfigError(f"'epdms' is defined on steps of {PERIOD} s, and 'period' is {float(loop.period):g} s")
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
     early: dict[int, Outcome] = {}
     following = 0
-    for number, outcome in _ended(loop, jobs, traffic, chunk, logs):
+    for number, outcome in _ended(loop, jobs, traffic, chunk, logs, epdms):
         early[number] = outcome
         while following in early:
             yield early.pop(following)
@@ -72,14 +79,14 @@ def outcomes(
 
 
 def _ended(
-    loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool
+    loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool
 ) -> Iterator[tuple[int, Outcome]]:
     """Numbers and outcomes as drives end, the jobs dealt out to the devices; those of one size after the other."""
     devices = jax.local_devices()
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
         numbered = list(group)
         if len(devices) == 1:
-            yield from _stream(loop, numbered, traffic, chunk, logs)
+            yield from _stream(loop, numbered, traffic, chunk, logs, epdms=epdms)
             continue
         found: queue.SimpleQueue = queue.SimpleQueue()
         stop = threading.Event()
@@ -88,9 +95,8 @@ def _ended(
             end: Any = None
             try:
                 with jax.default_device(devices[k]):
-                    for pair in _stream(
-                        loop, itertools.takewhile(lambda _: not stop.is_set(), mine), traffic, chunk, logs
-                    ):
+                    wanted = itertools.takewhile(lambda _: not stop.is_set(), mine)
+                    for pair in _stream(loop, wanted, traffic, chunk, logs, epdms=epdms):
                         found.put(pair)
             except BaseException as error:
                 end = error
@@ -142,16 +148,23 @@ def _cases(loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int)
 
 @dataclasses.dataclass
 class _Place:
-    """One place of the chunk: whose drive it holds, and the log so far."""
+    """One place of the chunk: whose drive it holds, and the logs so far."""
 
     number: int
     job: Job
     case: Case
     parts: list[Log]
+    references: list[Log]  # where they are asked for, one for each part
 
 
 def _stream(
-    loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int, logs: bool, whole: bool = False
+    loop: LoopParams,
+    jobs: Iterable[Numbered],
+    traffic: str,
+    chunk: int,
+    logs: bool,
+    whole: bool = False,
+    epdms: bool = False,
 ) -> Iterator[tuple[int, Outcome]]:
     """The drives of one device: every place of the chunk is filled again as soon as its drive has ended.
 
@@ -167,21 +180,23 @@ def _stream(
         new = np.zeros(chunk, bool)
         for k in range(chunk):
             if places[k] is None and (found := next(waiting, None)) is not None:
-                places[k], new[k] = _Place(*found, []), True
+                places[k], new[k] = _Place(*found, [], []), True
         if not any(places):
             break
         spare = next(place.case for place in places if place)
         cases = [place.case if place else (cases[k] if cases else spare) for k, place in enumerate(places)]
         stacked = _stacked(cases)
         if new.any():
-            fresh = _compiled(_begin)(loop, stacked)
-            now = fresh if now is None else _compiled(_renewed)(now, fresh, new)
-        now, log, going = jax.block_until_ready(_compiled(_segment)(loop, stacked, now))
+            fresh = compiled(programs.fresh)(loop, stacked)
+            now = fresh if now is None else compiled(programs.renewed)(now, fresh, new=new)
+        theirs = jax.device_get(compiled(programs.references)(loop, stacked, now=now)) if epdms else None
+        now, log, going = jax.block_until_ready(compiled(programs.segment)(loop, stacked, now=now))
         log, going = jax.device_get((log, going))
         for k, place in enumerate(places):
             if place is None:
                 continue
             place.parts.append(jax.tree.map(lambda x, k=k: x[k], log))
+            place.references += [jax.tree.map(lambda x, k=k: x[k], theirs)] if theirs is not None else []
             if (not going[k] and not whole) or len(place.parts) * SEGMENT >= longest:
                 ended.append(place)
                 places[k] = None
@@ -199,15 +214,21 @@ def _judged(
     longest = round(LONGEST / float(loop.period))
     full = ended + [ended[-1]] * (chunk - len(ended))
     whole = [_padded(place.parts, longest, float(loop.period)) for place in full]
-    stacked = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *whole)
-    rows = jax.device_get(_compiled(_judge)(loop, _stacked([place.case for place in full]), stacked))
+    stacked = _stacked(whole)
+    cases = _stacked([place.case for place in full])
+    rows = jax.device_get(compiled(programs.columns)(loop, cases, logs=stacked))
+    if full[0].references:
+        count = -(-longest // SEGMENT)
+        held = [(place.references + place.references[-1:] * count)[:count] for place in full]
+        theirs = _stacked([jax.tree.map(lambda *x: np.stack(x), *logs) for logs in held])
+        rows |= jax.device_get(compiled(programs.epdms_columns)(loop, cases, logs=stacked, theirs=theirs))
     for k, place in enumerate(ended):
         row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
         row |= {name: values[k] for name, values in rows.items()}
         yield place.number, Outcome(place.job, row, whole[k] if logs else None)
 
 
-def _stacked(cases: Sequence[Case]) -> Case:
+def _stacked(cases: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *cases)
 
 
@@ -224,65 +245,6 @@ def _padded(parts: list[Log], steps: int, period: float) -> Log:
     return dataclasses.replace(log, time=np.concatenate([log.time[:known], later]))
 
 
-def _renewed(now: Underway, fresh: Underway, new: jax.Array) -> Underway:
-    """The loops, some of them begun anew."""
-    return jax.tree.map(lambda a, b: jnp.where(new.reshape(-1, *[1] * (a.ndim - 1)), b, a), now, fresh)
-
-
-def _nothing(info: Any) -> None:
-    return None
-
-
-def _all(info: Any) -> Any:
-    return info
-
-
-@functools.cache
-def _compiled(function: Callable) -> Callable:
-    """The function as a program; made when it is needed, since its options depend on the device."""
-    return jax.jit(function, compiler_options=compiler_options())
-
-
-def _own(loop: LoopParams, case: Case) -> LoopParams:
-    """The loop with the vehicle of a drive."""
-    return loop if case.vehicle is None else loop.replace(vehicle=case.vehicle)
-
-
-def _begin(loop: LoopParams, cases: Case) -> Underway:
-    return jax.vmap(lambda case: begin(_own(loop, case), case.course, start=case.start))(cases)
-
-
-def _segment(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-    """`SEGMENT` steps of all, and which of them are still driving."""
-
-    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-        own = _own(loop, case)
-        after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
-        seen = facts(log, case, vehicle=own.vehicle)
-        late = after.world.time - case.start.time > case.limit
-        return after, log, ~jnp.any(seen.station >= case.goal) & ~late
-
-    return jax.vmap(one)(cases, now)
-
-
-def _one_step(loop: LoopParams, cases: Case, now: Underway) -> tuple[Underway, Any]:
-    """One step of all, and what the driver says of it."""
-
-    def one(case: Case, now: Underway) -> tuple[Underway, Any]:
-        after, (_, info) = go_on(_own(loop, case), case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
-        return after, jax.tree.map(lambda x: x[0], info)
-
-    return jax.vmap(one)(cases, now)
-
-
-def _judge(loop: LoopParams, cases: Case, logs: Log) -> dict[str, jax.Array]:
-    def one(case: Case, log: Log) -> dict[str, jax.Array]:
-        vehicle = _own(loop, case).vehicle
-        return judge(facts(log, case, vehicle=vehicle), vehicle)
-
-    return jax.vmap(one)(cases, logs)
-
-
 def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int = CHUNK) -> Any:
     """The driver's info in the step at a time of a drive, for whoever asks why.
 
@@ -292,11 +254,11 @@ def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int 
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
     ((_, _, case),) = _cases(loop, [(0, job)], traffic, chunk)
     cases = _stacked([case] * chunk)
-    now = _compiled(_begin)(loop, cases)
+    now = compiled(programs.fresh)(loop, cases)
     steps = max(round(time / float(loop.period)), 0)
     for _ in range(steps // SEGMENT):
-        now, _, _ = _compiled(_segment)(loop, cases, now)
+        now, _, _ = compiled(programs.segment)(loop, cases, now=now)
     info = None
     for _ in range(steps % SEGMENT + 1):
-        now, info = _compiled(_one_step)(loop, cases, now)
+        now, info = compiled(programs.one_step)(loop, cases, now=now)
     return jax.tree.map(lambda x: x[0], jax.device_get(info))

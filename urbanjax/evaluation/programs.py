@@ -1,0 +1,122 @@
+"""What a chunk of C drives goes through, each function a program of its own: begun, driven on, judged."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from urbanjax.drivers import PdmDriver
+from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.facts import facts
+from urbanjax.evaluation.scores import epdms_windows
+from urbanjax.evaluation.verdict import judge
+from urbanjax.numerics.compiling import compiler_options
+from urbanjax.rollout import LoopParams, Underway, begin, go_on
+from urbanjax.sim.log import Log
+from urbanjax.types import as_arrays
+
+SEGMENT = 50  # steps between two looks at who is still driving
+
+
+@functools.cache
+def compiled(function: Callable) -> Callable:
+    """The function as a program; made when it is needed, since its options depend on the device. Args: function."""
+    return jax.jit(function, compiler_options=compiler_options())
+
+
+def _own(loop: LoopParams, case: Case) -> LoopParams:
+    """The loop with the vehicle of a drive."""
+    return loop if case.vehicle is None else loop.replace(vehicle=case.vehicle)
+
+
+def fresh(loop: LoopParams, cases: Case) -> Underway:
+    """The loops [C] before their first step. Args: loop, with the driver; cases [C]."""
+    return jax.vmap(lambda case: begin(_own(loop, case), case.course, start=case.start))(cases)
+
+
+def renewed(now: Underway, begun: Underway, *, new: jax.Array) -> Underway:
+    """The loops [C], some of them begun anew. Args: now; begun, `fresh` ones; new [C] bool, which of them to take."""
+    return jax.tree.map(lambda a, b: jnp.where(new.reshape(-1, *[1] * (a.ndim - 1)), b, a), now, begun)
+
+
+def segment(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Log, jax.Array]:
+    """`SEGMENT` steps of all, and which of them are still driving. Args: loop; cases [C]; now, the loops [C]."""
+
+    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
+        own = _own(loop, case)
+        after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
+        seen = facts(log, case, vehicle=own.vehicle)
+        late = after.world.time - case.start.time > case.limit
+        return after, log, ~jnp.any(seen.station >= case.goal) & ~late
+
+    return jax.vmap(one)(cases, now)
+
+
+def one_step(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Any]:
+    """One step of all, and what the driver says of it. Args: loop; cases [C]; now, the loops [C]."""
+
+    def one(case: Case, now: Underway) -> tuple[Underway, Any]:
+        after, (_, info) = go_on(_own(loop, case), case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
+        return after, jax.tree.map(lambda x: x[0], info)
+
+    return jax.vmap(one)(cases, now)
+
+
+def references(loop: LoopParams, cases: Case, *, now: Underway) -> Log:
+    """What `pdm` as it stands would do from here on in the place of each driver, logs [C, 41] of a window of the EPDMS.
+
+    Args: loop; cases [C]; now, the loops [C].
+    """
+    pdm = loop.replace(driver=as_arrays(PdmDriver()))
+
+    def one(case: Case, now: Underway) -> Log:
+        own = _own(pdm, case)
+        its = begin(own, case.course, start=now.world)
+        _, (log, _) = go_on(own, case.course, lanes=case.lanes, now=its, n_steps=epdms_windows.STEPS, keep=_nothing)
+        return log
+
+    return jax.vmap(one)(cases, now)
+
+
+def columns(loop: LoopParams, cases: Case, *, logs: Log) -> dict[str, jax.Array]:
+    """All that is said of the drives, columns [C]. Args: loop; cases [C]; logs [C, T], of whole drives."""
+
+    def one(case: Case, log: Log) -> dict[str, jax.Array]:
+        vehicle = _own(loop, case).vehicle
+        return judge(facts(log, case, vehicle=vehicle), vehicle)
+
+    return jax.vmap(one)(cases, logs)
+
+
+def epdms_columns(loop: LoopParams, cases: Case, *, logs: Log, theirs: Log) -> dict[str, jax.Array]:
+    """What the EPDMS says of the drives, columns [C]; a window begins with each segment.
+
+    Args: loop; cases [C]; logs [C, T], of whole drives; theirs [C, K, 41], the `references` of each segment.
+    """
+
+    def one(case: Case, log: Log, theirs: Log) -> dict[str, jax.Array]:
+        vehicle = _own(loop, case).vehicle
+        endless = dataclasses.replace(
+            case, goal=jnp.full_like(case.goal, jnp.inf), limit=jnp.full_like(case.limit, jnp.inf)
+        )
+        found = epdms_windows.driven(
+            facts(log, case, vehicle=vehicle),
+            vehicle,
+            references=jax.vmap(lambda log: facts(log, endless, vehicle=vehicle))(theirs),
+            every=SEGMENT,
+        )
+        values = {spec.name: getattr(found.mean, spec.name) for spec in dataclasses.fields(found.mean)}
+        return {f"epdms_driven_{name}": value for name, value in (values | {"windows": found.windows}).items()}
+
+    return jax.vmap(one)(cases, logs, theirs)
+
+
+def _nothing(info: Any) -> None:
+    return None
+
+
+def _all(info: Any) -> Any:
+    return info
