@@ -38,7 +38,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
     title = f"{row['driver']}, {row['mission']}, seed {row['seed']}, {row['traffic']} traffic: {row['cause']}"
     with progress.bar("replay") as tick:
         tick(title)
-        (one,) = outcomes(loop, [job], traffic=row["traffic"], logs=True)
+        (one,) = outcomes(loop, [job], traffic=row["traffic"], logs=True, epdms=then.epdms)
         again = {**study.row_of(row["driver"], one), "cause": Cause(int(one.row["cause"])).label}
         differs = [name for name in row if not _same(row[name], again.get(name))]
         log, graph, vehicle = study.until_end(one, case_of(loop, job, traffic=row["traffic"]), loop.vehicle)

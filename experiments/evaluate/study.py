@@ -31,18 +31,8 @@ RECORDED = "replay"  # the traffic of recordings
 SAME = 1e-6  # s, by which periods may differ
 STAMP = "of.json"  # in the folder of rows: what they are of
 DRIVEN = (
-    "vehicle",
-    "period",
-    "sensor",
-    "sim",
-    "missions",
-    "scenes",
-    "drivers",
-    "traffic",
-    "seeds",
-    "seed",
-    "worst",
-    "resume",
+    *("vehicle", "period", "sensor", "sim"),
+    *("missions", "scenes", "drivers", "traffic", "seeds", "seed", "epdms", "worst", "resume"),
 )
 OF_SCENES = ("folder", "shortest", "corridor")
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
@@ -83,6 +73,7 @@ class EvaluateStudy(LoopParams):
     traffic: tuple[str, ...] = static(default=("idm",), metadata={"choices": tuple(MANNERS)})
     seeds: int = static(default=256, metadata={"range": (1, 10**5)})  # drives of each mission
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
+    epdms: bool = static(default=False)  # rows hold this score too, for which `pdm` drives beside everybody
     worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off
     run: str = static(default="", metadata={"path": True})  # directory of a run, to be compared instead of driving
@@ -158,7 +149,7 @@ def drives(
         names = {k: f"{driver}-{traffic}-{k // CHUNK:05d}" for k in starts}
         missing = [k for k in starts if names[k] not in done]
         flat = [job for k in missing for job in jobs[k : k + CHUNK]]
-        found = outcomes(loop_of(study, driver), flat, traffic=traffic)
+        found = outcomes(loop_of(study, driver), flat, traffic=traffic, epdms=study.epdms)
         tick(f"{driver} in {traffic} traffic", count / total)
         for k in starts:
             part = jobs[k : k + CHUNK]

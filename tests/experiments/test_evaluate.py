@@ -104,7 +104,7 @@ def test_drivers_are_told_apart_and_take_their_own_keys():
 
 def test_what_is_known_of_a_run_is_not_driven_again(monkeypatch):
     params = EvaluateStudy(missions=("cut_in",), drivers=("idm",), seeds=20)
-    monkeypatch.setattr(study, "outcomes", lambda loop, jobs, traffic: iter([f"driven {job.seed}" for job in jobs]))
+    monkeypatch.setattr(study, "outcomes", lambda loop, jobs, **how: iter([f"driven {job.seed}" for job in jobs]))
     monkeypatch.setattr(study, "row_of", lambda driver, outcome: {"row": outcome})
     known = {"idm-idm-00000": [{"row": f"known {seed}"} for seed in range(16)]}
     found = dict(study.drives(params, known, lambda label, share: None))
