@@ -21,6 +21,7 @@ behind counts too. Whoever is met without counting is never looked at again. Tou
 What differs, because the world does:
 - What is scored was driven in closed loop, not planned and tracked; others react to it, and to the reference when that
   drives. There is one stage, no follow-up scenes and weights. Hence the columns are `epdms_driven_*`.
+- In evaluations windows begin every 5 s: the second between two of them counts nowhere.
 - Nobody who drives here hands plans on: EC is not defined, and the weights are 14, not 16.
 - No human was recorded: nothing is forgiven for having been done by one.
 - The reference is this project's `pdm` in closed loop, not the one plan of theirs.
