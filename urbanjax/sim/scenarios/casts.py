@@ -224,7 +224,7 @@ def dense(rng: np.random.Generator, cast: Cast) -> None:
         (int(link), station)
         for link in np.flatnonzero(np.asarray(graph.valid) & ~junction & ~np.asarray(stage.lanes.ends))
         for station in np.arange(float(rng.uniform(6.0, 14.0)), float(graph.length[link]) - 6.0, SPACING)
-        if EGO_ROOM < np.linalg.norm(stage.on(link, station) - here) < AROUND
+        if EGO_ROOM < np.linalg.norm(stage.on(int(link), station) - here) < AROUND
     ]
     for k in rng.permutation(len(places))[: stage.size.n_vehicles]:
         link, station = places[k]
