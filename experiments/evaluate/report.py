@@ -1,26 +1,19 @@
 """Drive, keep the rows as they come, and say what they amount to."""
 
-import json
 import resource
-import time
 from typing import Any
 
-from experiments.evaluate import figures, replay, study, tables
-from experiments.evaluate.study import EvaluateStudy
+from experiments.evaluate import driving, figures, replay, study, tables
+from experiments.evaluate.study import Asked, EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
-from urbanjax.evaluation.missions.mission import Mission
-from urbanjax.evaluation.missions.recorded import RecordedMission
-from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
-from urbanjax.io.runs.directory import Run, git_state, write_atomically
+from urbanjax.io.runs.directory import Run
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError
 from urbanjax.vehicle.params import VehicleParams
-
-Asked = dict[str, Mission | RecordedMission]
 
 EVERY = 2  # steps between the pictures of a GIF
 PEAK = 1024.0  # kB in a MB
@@ -46,7 +39,9 @@ def write(params: EvaluateStudy, run: Run) -> None:
         _compare(params, run)
         return
     asked = study.missions_of(params)
-    rows, driven, seconds = _drive(params, run, asked)
+    rows, driven, seconds = driving.drive(params, run, asked)
+    if params.process:
+        return  # process 0 goes on with the rows of all
     run.table("rows", tables.columns(rows))
     expected = [
         (driver, traffic, job.mission.name, job.seed)
@@ -101,45 +96,13 @@ def write(params: EvaluateStudy, run: Run) -> None:
     report.write_report(run.path("report.html"), "Evaluation", sections=sections, manifest=run.manifest("complete"))
 
 
-def _drive(params: EvaluateStudy, run: Run, asked: Asked) -> tuple[Rows, int, float]:
-    """All rows, how many of them were driven, and the seconds that it took; chunks are written as they are complete."""
-    import pyarrow
-    import pyarrow.parquet
-
-    config = {name: value for name, value in run.config.items() if name != "resume"}
-    stamp = {"config": config, "code": git_state()}
-    done = study.known(params.resume, stamp)
-    folder = run.path("rows")
-    folder.mkdir()
-    write_atomically(folder / study.STAMP, json.dumps(stamp))
-    rows: Rows = []
-    began = time.perf_counter()
-    with progress.bar("evaluation") as tick:
-
-        def paced(label: str, share: float) -> None:
-            passed = time.perf_counter() - began
-            left = f", {passed / share - passed:.0f} s left" if share > 0 else ""
-            tick(f"{label}, {len(rows) / passed:.1f} drives/s{left}", share)
-
-        for name, part in study.drives(params, asked, done, paced):
-            part = [{**row, "cause": _label(row["cause"])} for row in part]
-            pyarrow.parquet.write_table(pyarrow.Table.from_pylist(part), folder / f"{name}.parquet.part")
-            (folder / f"{name}.parquet.part").rename(folder / f"{name}.parquet")
-            rows += part
-    return rows, len(rows) - sum(map(len, done.values())), time.perf_counter() - began
-
-
-def _label(cause: Any) -> str:
-    return cause if isinstance(cause, str) else Cause(cause).label
-
-
 def _gallery(params: EvaluateStudy, run: Run, asked: Asked) -> report.Picture:
     """One drive of each mission by the first driver."""
     driver, traffic = params.drivers[0], next(x for x in params.traffic if study.jobs_of(params, asked, x))
     jobs = list({job.mission.name: job for job in reversed(study.jobs_of(params, asked, traffic))}.values())[::-1]
     drives = [
         (
-            f"{one.job.mission.name}: {_label(int(one.row['cause']))}",
+            f"{one.job.mission.name}: {driving.label(int(one.row['cause']))}",
             *_log_and_road(params, driver, traffic, one),
             not one.row["success"],
         )

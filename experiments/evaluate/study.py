@@ -5,13 +5,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
-import jax
 import numpy as np
 
 from urbanjax.drivers import DRIVERS, IdmDriver, PdmDriver
+from urbanjax.evaluation import road_users
 from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
 from urbanjax.evaluation.case import Case
-from urbanjax.evaluation.facts import ROUNDING
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
 from urbanjax.evaluation.missions.mission import Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
@@ -27,12 +26,15 @@ from urbanjax.types import ConfigError, Unread, field, pytree, static
 from urbanjax.types.unread import changed
 from urbanjax.vehicle.params import VehicleParams
 
+Asked = dict[str, Mission | RecordedMission]  # by name
+
 RECORDED = "replay"  # the traffic of recordings
 SAME = 1e-6  # s, by which periods may differ
 STAMP = "of.json"  # in the folder of rows: what they are of
 DRIVEN = (
     *("vehicle", "period", "sensor", "sim"),
     *("missions", "scenes", "drivers", "traffic", "seeds", "seed", "epdms", "worst", "resume"),
+    *("logs", "coordinator", "process", "processes"),
 )
 OF_SCENES = ("folder", "shortest", "corridor")
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
@@ -75,6 +77,10 @@ class EvaluateStudy(LoopParams):
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
     epdms: bool = static(default=False)  # rows hold this score too, for which `pdm` drives beside everybody
     worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
+    logs: bool = static(default=False)  # whether the logs of all drives are written too, as Parquet
+    coordinator: str = static(default="")  # HOST:PORT of process 0, where several share the drives; none: one process
+    process: int = static(default=0, metadata={"range": (0, 10**4)})  # number of this one
+    processes: int = static(default=1, metadata={"range": (1, 10**4)})
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off
     run: str = static(default="", metadata={"path": True})  # directory of a run, to be compared instead of driving
     against: str = static(default="", metadata={"path": True})  # directory of another one
@@ -93,7 +99,7 @@ def loop_of(study: EvaluateStudy, driver: str) -> LoopParams:
     return loop.replace(driver=getattr(study, driver) if driver in WITH_KEYS else DRIVERS[driver]())
 
 
-def jobs_of(study: EvaluateStudy, asked: dict[str, Mission | RecordedMission], traffic: str) -> list[Job]:
+def jobs_of(study: EvaluateStudy, asked: Asked, traffic: str) -> list[Job]:
     """The drives of one driver in one kind of traffic. Args: asked, the missions by name."""
     seeds = range(study.seed, study.seed + study.seeds)
     drawn = [Job(one, seed) for one in asked.values() if not isinstance(one, RecordedMission) for seed in seeds]
@@ -101,9 +107,9 @@ def jobs_of(study: EvaluateStudy, asked: dict[str, Mission | RecordedMission], t
     return drawn + [Job(one, k) for one in scenes if traffic == RECORDED for k in range(one.count)]
 
 
-def missions_of(study: EvaluateStudy) -> dict[str, Mission | RecordedMission]:
+def missions_of(study: EvaluateStudy) -> Asked:
     """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in."""
-    found: dict[str, Mission | RecordedMission] = {name: MISSIONS[name] for name in study.missions}
+    found: Asked = {name: MISSIONS[name] for name in study.missions}
     folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded") if study.scenes else Path()
     for name in study.scenes:
         path = folder / f"{name.removesuffix('.xml')}.xml"
@@ -131,32 +137,40 @@ def missions_of(study: EvaluateStudy) -> dict[str, Mission | RecordedMission]:
     return found
 
 
+def chunks(study: EvaluateStudy, asked: Asked) -> dict[tuple[str, str], dict[str, list[Job]]]:
+    """The drives by driver and traffic, and by the name of their chunk. Args: asked, the missions by name."""
+    found: dict[tuple[str, str], dict[str, list[Job]]] = {}
+    for driver in dict.fromkeys(study.drivers):
+        for traffic in dict.fromkeys(study.traffic):
+            jobs = jobs_of(study, asked, traffic)
+            starts = range(0, len(jobs), CHUNK)
+            found[driver, traffic] = {f"{driver}-{traffic}-{k // CHUNK:05d}": jobs[k : k + CHUNK] for k in starts}
+    return found
+
+
 def drives(
     study: EvaluateStudy,
-    asked: dict[str, Mission | RecordedMission],
+    asked: Asked,
     done: dict[str, list[dict[str, Any]]],
     tick: Callable[[str, float], None],
-) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """The rows of all drives by chunk, whose name says which.
+) -> Iterator[tuple[str, list[dict[str, Any]], list[Outcome]]]:
+    """The rows of this process' drives by chunk, whose name says which, and the outcomes that were driven for them.
 
     Args: asked, the missions by name; done, chunks that are known by name.
     """
-    pairs = [(driver, traffic) for driver in dict.fromkeys(study.drivers) for traffic in dict.fromkeys(study.traffic)]
-    total, count = sum(len(jobs_of(study, asked, traffic)) for _, traffic in pairs), 0
-    for driver, traffic in pairs:
-        jobs = jobs_of(study, asked, traffic)
-        starts = range(0, len(jobs), CHUNK)
-        names = {k: f"{driver}-{traffic}-{k // CHUNK:05d}" for k in starts}
-        missing = [k for k in starts if names[k] not in done]
-        flat = [job for k in missing for job in jobs[k : k + CHUNK]]
-        found = outcomes(loop_of(study, driver), flat, traffic=traffic, epdms=study.epdms)
+    parts = chunks(study, asked)
+    total, count = sum(len(jobs) for named in parts.values() for jobs in named.values()), 0
+    for (driver, traffic), named in parts.items():
+        mine = dict.fromkeys([name for name in named if name not in done][study.process :: study.processes])
+        flat = [job for name in mine for job in named[name]]
+        found = outcomes(loop_of(study, driver), flat, traffic=traffic, logs=study.logs, epdms=study.epdms)
         tick(f"{driver} in {traffic} traffic", count / total)
-        for k in starts:
-            part = jobs[k : k + CHUNK]
-            rows = done.get(names[k]) or [row_of(driver, next(found)) for _ in part]
-            count += len(part)
-            tick(f"{driver} in {traffic} traffic: {part[-1].mission.name}", count / total)
-            yield names[k], rows
+        for name, jobs in named.items():
+            ended = [next(found) for _ in jobs] if name in mine else []
+            count += len(jobs)
+            tick(f"{driver} in {traffic} traffic: {jobs[-1].mission.name}", count / total)
+            if name in done or ended:
+                yield name, done.get(name) or [row_of(driver, one) for one in ended], ended
 
 
 def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
@@ -166,10 +180,7 @@ def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
 
 def until_end(outcome: Outcome, case: Case, own: VehicleParams) -> tuple[Log, RoadGraph, VehicleParams]:
     """The log until the drive ends, the road, and the vehicle. Args: own, where the case has none of its own."""
-    assert outcome.log is not None
-    time = outcome.log.time - outcome.log.time[0]
-    last = int(np.searchsorted(time, float(outcome.row["duration_s"]) + ROUNDING))
-    return jax.tree.map(lambda x: x[: max(last, 2)], outcome.log), case.lanes.graph, case.vehicle or own
+    return road_users.until_end(outcome), case.lanes.graph, case.vehicle or own
 
 
 def plain(value: Any) -> Any:
@@ -177,14 +188,19 @@ def plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic | np.ndarray) else value
 
 
-def rows_of(directory: str, key: str) -> list[dict[str, Any]]:
-    """The rows of a run. Args: directory; key, that named it. Raises ConfigError where there are none."""
+def rows_in(path: Path) -> list[dict[str, Any]]:
+    """The rows of one file. Args: path of it."""
     import pyarrow.parquet
 
+    return pyarrow.parquet.read_table(path).to_pylist()
+
+
+def rows_of(directory: str, key: str) -> list[dict[str, Any]]:
+    """The rows of a run. Args: directory; key, that named it. Raises ConfigError where there are none."""
     path = Path(directory) / "rows.parquet"
     if not path.is_file():
         raise ConfigError(f"{key}={directory}: there is no {path.name} in it; name the directory of an evaluation")
-    return pyarrow.parquet.read_table(path).to_pylist()
+    return rows_in(path)
 
 
 def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
@@ -192,8 +208,6 @@ def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]
 
     Raises ConfigError for a run of another config or of other code: their drives do not belong together.
     """
-    import pyarrow.parquet
-
     if not resume:
         return {}
     folder = Path(resume) / "rows"
@@ -206,4 +220,4 @@ def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]
         differs = sorted(changed(ours[key], theirs.get(key, {}))) if isinstance(ours[key], dict) else [key]
         if ours[key] != theirs.get(key):
             raise ConfigError(f"resume={resume}: that run was of another {', '.join(differs[:3]) or key}; begin anew")
-    return {path.stem: pyarrow.parquet.read_table(path).to_pylist() for path in sorted(folder.glob("*.parquet"))}
+    return {path.stem: rows_in(path) for path in sorted(folder.glob("*.parquet"))}

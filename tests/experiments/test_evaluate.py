@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from experiments.evaluate import replay, report, study, tables
+from experiments.evaluate import driving, replay, report, study, tables
 from experiments.evaluate.study import EvaluateStudy
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.runs import directory
@@ -96,7 +96,8 @@ def test_drivers_are_told_apart_and_take_their_own_keys():
     assert study.loop_of(params, "stack").driver is None
     assert study.loop_of(params, "idm").driver.margin == 0.7
     assert study.loop_of(params, "blind").driver.stack == params.stack
-    jobs = study.jobs_of(EvaluateStudy(missions=("cut_in", "overtake"), seeds=3, seed=5))
+    params = EvaluateStudy(missions=("cut_in", "overtake"), seeds=3, seed=5)
+    jobs = study.jobs_of(params, study.missions_of(params), "idm")
     assert [(job.mission.name, job.seed) for job in jobs] == [
         (name, seed) for name in ("cut_in", "overtake") for seed in (5, 6, 7)
     ]
@@ -107,7 +108,10 @@ def test_what_is_known_of_a_run_is_not_driven_again(monkeypatch):
     monkeypatch.setattr(study, "outcomes", lambda loop, jobs, **how: iter([f"driven {job.seed}" for job in jobs]))
     monkeypatch.setattr(study, "row_of", lambda driver, outcome: {"row": outcome})
     known = {"idm-idm-00000": [{"row": f"known {seed}"} for seed in range(16)]}
-    found = dict(study.drives(params, known, lambda label, share: None))
+    found = {
+        name: rows
+        for name, rows, _ in study.drives(params, study.missions_of(params), known, lambda label, share: None)
+    }
     assert found["idm-idm-00000"] == known["idm-idm-00000"]
     assert found["idm-idm-00001"] == [{"row": f"driven {seed}"} for seed in range(16, 20)]
 
@@ -142,3 +146,12 @@ def test_only_a_run_of_the_same_config_and_code_is_gone_on_with(tmp_path):
 
 def test_another_driver_than_the_stack_has_no_reasons():
     assert replay.reasons(None) == {}
+
+
+def test_a_chunk_without_its_logs_is_driven_again_where_logs_are_wanted(tmp_path):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "idm-idm-00000.parquet").touch()
+    done = {"idm-idm-00000": ROWS[:1], "idm-idm-00001": ROWS[1:2]}
+    params = EvaluateStudy(resume=str(tmp_path))
+    assert driving._with_logs(params, done) == done
+    assert list(driving._with_logs(dataclasses.replace(params, logs=True), done)) == ["idm-idm-00000"]

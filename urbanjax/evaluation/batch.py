@@ -27,6 +27,7 @@ from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
 from urbanjax.rollout import LoopParams, Underway
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError, as_arrays, host_record
+from urbanjax.vehicle.params import VehicleParams
 
 CHUNK = 16  # drives at once: faster per drive than one or 64
 
@@ -46,6 +47,7 @@ class Outcome:
     job: Job
     row: dict[str, Any]  # numbers, flags and names by column
     log: Log | None = None  # [T], where it was asked for
+    vehicle: VehicleParams | None = None  # of a drive that has its own
 
 
 Numbered = tuple[int, Job]
@@ -225,7 +227,7 @@ def _judged(
     for k, place in enumerate(ended):
         row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
         row |= {name: values[k] for name, values in rows.items()}
-        yield place.number, Outcome(place.job, row, whole[k] if logs else None)
+        yield place.number, Outcome(place.job, row, whole[k] if logs else None, place.case.vehicle)
 
 
 def _stacked(cases: Sequence[Any]) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from urbanjax.io.runs import directory
+from urbanjax.io.runs import directory, processes
 from urbanjax.types import ConfigError, UrbanJaxError, unread
 from urbanjax.types import config as configs
 
@@ -87,7 +87,8 @@ def _task(params_class: type[T], body: Body, config: Any) -> None:
         values, params = _read(params_class, config, runtime)
         keys = [text.partition("=")[0].lstrip("+~") for text in typed]
         unread.check_read(params, [*keys, *unread.changed(values, configs.schema(params_class))])
-        with directory.record(folder, values, seed=values.get("seed")) as run:
+        record = processes.recorder(values)
+        with record(folder, values, seed=values.get("seed")) as run:
             body(params, run)
     except UrbanJaxError as error:
         with contextlib.suppress(OSError):
