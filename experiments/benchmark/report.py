@@ -2,7 +2,7 @@
 
 import json
 
-from experiments.benchmark import divergence_speed, figures
+from experiments.benchmark import divergence_speed, evaluation_speed, figures
 from experiments.benchmark import study as benchmark
 from experiments.benchmark.study import BenchStudy
 from experiments.candidates import study as candidates
@@ -16,6 +16,17 @@ def write(params: BenchStudy, run: Run) -> None:
     with progress.bar("benchmark") as tick:
         numbers = benchmark.measure(params, tick)
     run.summary(numbers)
+    columns = evaluation_speed.table(numbers)
+    run.table("evaluation", columns)
+    progress.show_table("evaluation", columns)
+    if not params.only:
+        _others(params, run, numbers)
+    facts = run.manifest()
+    print(json.dumps({"device": facts["device"], "versions": facts["versions"]}))
+
+
+def _others(params: BenchStudy, run: Run, numbers: dict[str, float]) -> None:
+    """Tables and figure of all but the evaluation."""
     columns = benchmark.table(numbers, params.batches)
     run.table("benchmark", columns)
     progress.show_table("benchmark", columns)
@@ -29,5 +40,3 @@ def write(params: BenchStudy, run: Run) -> None:
     run.table("divergence", columns)
     progress.show_table("divergence (warm medians)", columns)
     figures.draw(numbers, run.path("divergence.png"))
-    facts = run.manifest()
-    print(json.dumps({"device": facts["device"], "versions": facts["versions"]}))

@@ -4,13 +4,14 @@ import functools
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 
-from experiments.benchmark import divergence_speed, plan_speed, precision
+from experiments.benchmark import divergence_speed, evaluation_speed, plan_speed, precision
 from experiments.benchmark.divergence_speed import DivergenceSpeedStudy
+from experiments.benchmark.evaluation_speed import EvaluationSpeedStudy
 from experiments.benchmark.plan_speed import PlanSpeedStudy
 from experiments.candidates import study as candidates
 from experiments.candidates.study import CandidateStudy
@@ -32,14 +33,20 @@ from urbanjax.sim.scenarios import circulate
 from urbanjax.sim.scenarios.circulate import CirculateParams
 from urbanjax.sim.scenarios.scenario import Scenario
 from urbanjax.sim.world import WorldState
-from urbanjax.types import SEED, Command, as_arrays, pytree, static
+from urbanjax.types import SEED, Command, Unread, as_arrays, pytree, static
 
 Tick = Callable[[str], None]
+OTHER = ("batches", "scenarios", "sim_steps", "loop_steps", "goals", "repeats", "runs", "precision_steps")
+OTHER = (*OTHER, "registration", "plan", "candidates", "divergence")  # what is not read where only the evaluation is
 
 
 @pytree
 class BenchStudy(LoopParams):
     """What is timed, on the district course."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        **dict.fromkeys(OTHER, Unread("one part alone is measured, see 'only'", lambda p: p.only)),
+    }
 
     scenario: CirculateParams = CirculateParams()
     corridor: CorridorParams = CorridorParams()
@@ -54,6 +61,8 @@ class BenchStudy(LoopParams):
     plan: PlanSpeedStudy = PlanSpeedStudy()
     candidates: CandidateStudy = CandidateStudy(sweep=(20,))  # of `few`: no further sizes
     divergence: DivergenceSpeedStudy = DivergenceSpeedStudy()
+    evaluation: EvaluationSpeedStudy = EvaluationSpeedStudy()
+    only: str = static(default="", metadata={"choices": ("", "evaluation")})  # the one part to be measured; none: all
     precision_steps: int = static(default=50)  # in which float32 is compared with float64, for each scenario
     seed: int = static(default=0, metadata=SEED)
 
@@ -75,6 +84,8 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     tick("building the district")
     course, lanes, starts = scene(study)
     loop = as_arrays(study.loop())
+    if study.only:
+        return evaluation_speed.measure(study.evaluation, loop, course, lanes, study.scenario, tick)
     out = _stack_step(study, loop, course, lanes, starts, tick)
     out.update(_simulator(study, loop, course, lanes, starts, tick))
     tick("one plan")
@@ -86,6 +97,7 @@ def measure(study: BenchStudy, tick: Tick = lambda label: None) -> dict[str, flo
     out.update(precision.flips(loop, course, lanes, batch, study.precision_steps))
     out.update(candidates.measure(study.candidates, tick))
     out.update(registration_speed.measure(study.registration, tick))
+    out.update(evaluation_speed.measure(study.evaluation, loop, course, lanes, study.scenario, tick))
     return out | divergence_speed.measure(study.divergence, tick)
 
 
