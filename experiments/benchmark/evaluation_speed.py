@@ -37,7 +37,7 @@ WARM = 3  # chunks until all programs are there
 GROWTH = (10, 60)  # chunks between whose ends memory must not grow
 KB = 1024.0  # in a MB
 COMPILED = "/jax/core/compile/backend_compile_duration"  # an event of JAX
-LOOP = "jit(_segment)"  # the program that drives; one for each size of missions
+LOOP = "jit(segment)"  # the program that drives; one for each size of missions
 Tick = Callable[[str], None]
 
 
