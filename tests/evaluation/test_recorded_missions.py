@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.experiments.test_recorded import recording
-from urbanjax.drivers import ConstantVelocity, Standstill
+from urbanjax.drivers import ConstantVelocity
 from urbanjax.evaluation.batch import Job, case_of, outcomes
 from urbanjax.evaluation.missions.recorded import recorded_mission
 from urbanjax.evaluation.recorded.scenes import prepare
@@ -54,14 +54,9 @@ def test_a_case_asks_for_most_of_the_recorded_way_in_its_time(mission):
 
 def test_drives_of_a_recording_are_judged_like_any_other(mission):
     jobs = [Job(mission, k) for k in range(3)]
-    kept, stood = (
-        list(outcomes(LOOP.replace(driver=driver), jobs, traffic="replay", chunk=4))
-        for driver in (ConstantVelocity(), Standstill())
-    )
+    kept = list(outcomes(LOOP, jobs, traffic="replay", chunk=4))
     for k, one in enumerate(kept):
         assert (one.row["mission"], one.row["seed"], one.row["traffic"]) == ("made_up", k, "replay")
         assert one.row["success"]
         np.testing.assert_allclose(one.row["way_m"], 0.8 * 10.0 * (4.0, 3.5, 3.5)[k] * (1, 1, 0.9)[k], atol=1.0)
         np.testing.assert_allclose(one.row["nuplan_progress"], 1.0, atol=1e-5)
-    assert not any(one.row["success"] for one in stood)
-    assert all(one.row["way_m"] < 20 for one in stood)
