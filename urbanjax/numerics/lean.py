@@ -5,6 +5,8 @@ wrapped in programs of their own, convert what is given as a Python number, and 
 """
 
 import functools
+import operator
+from collections.abc import Callable
 from typing import TypeGuard
 
 import jax
@@ -80,48 +82,37 @@ def _held_jvp(
     return _held(x, low, high), where((x >= low) & (x <= high), change, 0.0)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _at_least(x: Array, low: float | int) -> Array:
-    return jnp.maximum(x, low)
+def _beside_number(take: Callable[..., Array], keeps: Callable[..., Array]) -> Callable[..., Array]:
+    """`take(x, y)` of a number y, with the derivative of x where `keeps(x, y)`."""
+
+    @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+    def taken(x: Array, y: float | int) -> Array:
+        return take(x, y)
+
+    @taken.defjvp
+    def _(y: float | int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        (x,), (change,) = primals, tangents
+        return taken(x, y), where(keeps(x, y), change, 0.0)
+
+    return taken
 
 
-@_at_least.defjvp
-def _at_least_jvp(low: float | int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    (x,), (change,) = primals, tangents
-    return _at_least(x, low), where(x >= low, change, 0.0)
+def _of_two(take: Callable[..., Array], keeps: Callable[..., Array]) -> Callable[..., Array]:
+    """`take(x, y)` of arrays of one shape, with the derivative of x where `keeps(x, y)` and of y elsewhere."""
+
+    @jax.custom_jvp
+    def taken(x: Array, y: Array) -> Array:
+        return take(x, y)
+
+    @taken.defjvp
+    def _(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+        return taken(*primals), lax.select(keeps(*primals), *tangents)
+
+    return taken
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _at_most(x: Array, high: float | int) -> Array:
-    return jnp.minimum(x, high)
-
-
-@_at_most.defjvp
-def _at_most_jvp(high: float | int, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    (x,), (change,) = primals, tangents
-    return _at_most(x, high), where(x <= high, change, 0.0)
-
-
-@jax.custom_jvp
-def _greater(x: Array, y: Array) -> Array:
-    return jnp.maximum(x, y)
-
-
-@_greater.defjvp
-def _greater_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
-    (x, y), (change_x, change_y) = primals, tangents
-    return _greater(x, y), lax.select(x >= y, change_x, change_y)
-
-
-@jax.custom_jvp
-def _smaller(x: Array, y: Array) -> Array:
-    return jnp.minimum(x, y)
-
-
-@_smaller.defjvp
-def _smaller_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
-    (x, y), (change_x, change_y) = primals, tangents
-    return _smaller(x, y), lax.select(x <= y, change_x, change_y)
+_at_least, _at_most = _beside_number(jnp.maximum, operator.ge), _beside_number(jnp.minimum, operator.le)
+_greater, _smaller = _of_two(jnp.maximum, operator.ge), _of_two(jnp.minimum, operator.le)
 
 
 def running_sum(x: Float[Array, "*b n"]) -> Float[Array, "*b m"]:
