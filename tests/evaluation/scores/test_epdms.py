@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from tests.evaluation.scores import epdms_oracle as oracle
-from tests.evaluation.scores.drives import VEHICLE, clean_drive, random_drive, stacked, with_touches
+from tests.evaluation.scores.drives import VEHICLE, clean_drive, edited, random_drive, stacked, with_touches
 from tests.evaluation.scores.epdms_oracle import GATES, WEIGHTS
 from urbanjax.evaluation.scores import epdms
 from urbanjax.evaluation.scores.epdms_windows import HISTORY, STEPS, driven, windows
-from urbanjax.numerics.soft import Relaxation
 
 COLUMNS = (*GATES, *(name for name in WEIGHTS if name != "extended_comfort"))
 CONTINUOUS = ("ego_progress", "gated_ego_progress", "total", "way", "reference")
@@ -76,12 +75,6 @@ def test_as_the_definition_has_it(x64):
 @pytest.mark.slow
 def test_as_the_definition_has_it_often(x64):
     compare(1, 2000)
-
-
-def edited(values, where, value):
-    values = np.array(values)
-    values[where] = value
-    return values
 
 
 CLEAN = clean_drive(t=STEPS)
@@ -245,78 +238,3 @@ def test_a_log_shorter_than_a_window_has_a_score():
     assert int(found.windows) == 1
     assert float(found.mean.total) == 1
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
-
-
-def busy_window():
-    """A window that is close to all of its thresholds, but loses nothing for good."""
-    rng = np.random.default_rng(3)
-    window = clean_drive(t=STEPS, others=((9.0, 0.2, 0.05, 8.5), (-9.0, 1.0, 0.1, 10.5), (6.0, 3.2, 0.02, 10.0)))
-    noise = {
-        name: getattr(window, name) + rng.normal(scale=0.2, size=STEPS)
-        for name in ("yaw_rate", "acceleration", "road_margin")
-    }
-    ego = window.ego.replace(heading=0.1 * np.sin(np.arange(STEPS) / 6), speed=10 + rng.normal(scale=0.1, size=STEPS))
-    offset = 0.5 + rng.normal(scale=0.02, size=STEPS)
-    oncoming = edited(np.zeros(STEPS, bool), [20, 21], True)
-    return window.replace(ego=ego, offset=offset, oncoming=oncoming, **noise)
-
-
-def test_the_soft_gradient_is_that_of_finite_differences(x64):
-    leaves, tree = jax.tree.flatten(jax.tree.map(jnp.asarray, busy_window()))
-    where = [i for i, leaf in enumerate(leaves) if np.issubdtype(leaf.dtype, np.floating)]
-
-    def total(floats, temperature):
-        full = list(leaves)
-        for i, leaf in zip(where, floats, strict=True):
-            full[i] = leaf
-        relaxation = Relaxation(temperature, mode="soft")
-        window = jax.tree.unflatten(tree, full)
-        return epdms.score(window, VEHICLE, reference=jnp.asarray(60.0), before=CALM, relaxation=relaxation).total
-
-    value_and_slopes, rng = jax.jit(jax.value_and_grad(total)), np.random.default_rng(0)
-    floats = [leaves[i] for i in where]
-    for temperature in (0.3, 1.0):
-        _, slopes = value_and_slopes(floats, temperature)
-        assert all(np.isfinite(slope).all() for slope in slopes)
-        assert sum(np.abs(slope).max() > 1e-8 for slope in slopes) >= 9
-        for _ in range(3):
-            direction = [rng.normal(size=np.shape(x)) for x in floats]
-            ahead, behind = (
-                value_and_slopes([x + step * w for x, w in zip(floats, direction, strict=True)], temperature)[0]
-                for step in (1e-6, -1e-6)
-            )
-            along = sum(np.sum(slope * w) for slope, w in zip(slopes, direction, strict=True))
-            np.testing.assert_allclose(along, (ahead - behind) / 2e-6, rtol=1e-4, atol=1e-9)
-
-
-def test_the_soft_score_tends_to_the_hard_one(x64):
-    rng = np.random.default_rng(8)
-    drawn = stacked([random_window(rng) for _ in range(60)])
-
-    @jax.jit
-    def soft(temperature):
-        relaxation = Relaxation(temperature, mode="soft")
-        return jax.vmap(
-            lambda window, before, reference: epdms.score(
-                window, VEHICLE, reference=reference, before=before, relaxation=relaxation
-            )
-        )(*drawn)
-
-    hard = jax.jit(jax.vmap(judged))(*drawn)[0]
-    errors = [
-        np.max(
-            [np.abs(getattr(found, spec.name) - getattr(hard, spec.name)) for spec in dataclasses.fields(hard)], axis=0
-        )
-        for found in map(soft, (1e-1, 1e-3, 1e-5))
-    ]
-    assert np.mean(errors[0]) > np.mean(errors[1]) > np.mean(errors[2])
-    assert np.max(errors[2]) < 1e-3
-
-
-def test_straight_through_has_the_value_of_hard():
-    window, reference = busy_window(), jnp.asarray(60.0)
-    relaxation = Relaxation(0.3, mode="straight_through")
-    through = jax.jit(epdms.score)(window, VEHICLE, reference=reference, relaxation=relaxation)
-    hard = jax.jit(epdms.score)(window, VEHICLE, reference=reference)
-    for spec in dataclasses.fields(hard):
-        np.testing.assert_allclose(getattr(through, spec.name), getattr(hard, spec.name), atol=1e-5)

@@ -1,13 +1,10 @@
-import dataclasses
-
 import jax
 import numpy as np
 import pytest
 
 from tests.evaluation.scores import oracle
-from tests.evaluation.scores.drives import VEHICLE, batch, busy_drive, clean_drive, parts, stacked
+from tests.evaluation.scores.drives import VEHICLE, batch, clean_drive, edited, stacked
 from urbanjax.evaluation.scores import nuplan
-from urbanjax.numerics.soft import Relaxation
 
 score = jax.jit(nuplan.score)
 GATES = ("no_collision_at_fault", "drivable_area", "driving_direction", "making_progress")
@@ -46,12 +43,6 @@ def test_as_the_definitions_have_it_often(x64, t):
 def columns(drive):
     found = score(drive, VEHICLE)
     return {name: float(getattr(found, name)) for name in COLUMNS} | {"total": float(found.total)}
-
-
-def edited(values, where, value):
-    values = np.array(values)
-    values[where] = value
-    return values
 
 
 CLEAN = clean_drive()
@@ -124,50 +115,3 @@ def test_a_short_drive_has_a_score():
         assert float(found.total) == 1
     short = jax.tree.map(lambda x: x[:3] if np.ndim(x) else x, CLEAN).replace(goal=np.asarray(0.5))
     assert float(score(short, VEHICLE).total) == 1
-
-
-def test_the_soft_gradient_is_that_of_finite_differences(x64):
-    floats, back = parts(busy_drive())
-
-    def total(x, temperature):
-        return nuplan.score(back(x), VEHICLE, relaxation=Relaxation(temperature, mode="soft")).total
-
-    value_and_slopes, rng = jax.jit(jax.value_and_grad(total)), np.random.default_rng(0)
-    for temperature in (0.3, 1.0):
-        _, slopes = value_and_slopes(floats, temperature)
-        assert all(np.isfinite(slope).all() for slope in slopes)
-        assert sum(np.abs(slope).max() > 1e-8 for slope in slopes) >= 10
-        for _ in range(3):
-            way = [rng.normal(size=np.shape(x)) for x in floats]
-            ahead, behind = (
-                value_and_slopes([x + step * w for x, w in zip(floats, way, strict=True)], temperature)[0]
-                for step in (1e-6, -1e-6)
-            )
-            along = sum(np.sum(slope * w) for slope, w in zip(slopes, way, strict=True))
-            np.testing.assert_allclose(along, (ahead - behind) / 2e-6, rtol=1e-4, atol=1e-9)
-
-
-def test_the_soft_score_tends_to_the_hard_one(x64):
-    drives = stacked(batch(8, 60, 60))
-    names = [field.name for field in dataclasses.fields(nuplan.NuplanScore)]
-
-    @jax.jit
-    def soft(temperature):
-        relaxation = Relaxation(temperature, mode="soft")
-        return jax.vmap(lambda f: nuplan.score(f, VEHICLE, relaxation=relaxation))(drives)
-
-    hard = jax.jit(jax.vmap(lambda f: nuplan.score(f, VEHICLE)))(drives)
-    errors = [
-        np.max([np.abs(getattr(soft(temperature), name) - getattr(hard, name)) for name in names], axis=0)
-        for temperature in (1e-1, 1e-3, 1e-5)
-    ]
-    assert np.mean(errors[0]) > np.mean(errors[1]) > np.mean(errors[2])
-    assert np.max(errors[2]) < 1e-3
-
-
-def test_straight_through_has_the_value_of_hard():
-    drive = busy_drive()
-    through = jax.jit(nuplan.score)(drive, VEHICLE, relaxation=Relaxation(0.3, mode="straight_through"))
-    hard = score(drive, VEHICLE)
-    for field in dataclasses.fields(hard):
-        np.testing.assert_allclose(getattr(through, field.name), getattr(hard, field.name), atol=1e-5)

@@ -1,16 +1,13 @@
 """The scores of CARLA, CommonRoad and the qualification."""
 
-import dataclasses
-
 import jax
 import numpy as np
 import pytest
 
 from tests.evaluation.scores import oracle
-from tests.evaluation.scores.drives import VEHICLE, batch, busy_drive, clean_drive, parts, stacked
+from tests.evaluation.scores.drives import VEHICLE, batch, clean_drive, edited, stacked
 from urbanjax.evaluation.scores import carla, commonroad, competition
 from urbanjax.evaluation.scores.competition import Violation
-from urbanjax.numerics.soft import Relaxation
 
 CLEAN = clean_drive()
 SCORES = {
@@ -44,12 +41,6 @@ def test_as_the_definitions_have_it(x64, name):
 @pytest.mark.parametrize("name", SCORES)
 def test_as_the_definitions_have_it_often(x64, name, t):
     compare(name, t, 1000)
-
-
-def edited(values, where, value):
-    values = np.array(values)
-    values[where] = value
-    return values
 
 
 def hit(speed, kind):
@@ -142,54 +133,3 @@ def test_a_short_drive_has_scores(n):
     for found in (driving(drive), price(drive), qualified(drive)):
         assert np.isfinite(float(found.total))
     np.testing.assert_allclose(price(drive).length, n - 1, rtol=1e-5)
-
-
-SOFT = {
-    "carla": lambda f, relaxation: carla.score(f, relaxation=relaxation),
-    "commonroad": lambda f, relaxation: commonroad.cost(f, relaxation=relaxation),
-    "competition": lambda f, relaxation: competition.score(f, VEHICLE, relaxation=relaxation),
-}
-
-
-@pytest.mark.parametrize("name", SOFT)
-def test_the_soft_gradient_is_that_of_finite_differences(x64, name):
-    floats, back = parts(busy_drive())
-
-    def total(x, temperature):
-        return SOFT[name](back(x), Relaxation(temperature, mode="soft")).total
-
-    value_and_slopes, rng = jax.jit(jax.value_and_grad(total)), np.random.default_rng(0)
-    _, slopes = value_and_slopes(floats, 0.3)
-    assert all(np.isfinite(slope).all() for slope in slopes)
-    assert sum(np.abs(slope).max() > 1e-8 for slope in slopes) >= 3
-    for _ in range(3):
-        way = [rng.normal(size=np.shape(x)) for x in floats]
-        ahead, behind = (
-            value_and_slopes([x + step * w for x, w in zip(floats, way, strict=True)], 0.3)[0] for step in (1e-6, -1e-6)
-        )
-        along = sum(np.sum(slope * w) for slope, w in zip(slopes, way, strict=True))
-        np.testing.assert_allclose(along, (ahead - behind) / 2e-6, rtol=1e-4, atol=1e-8)
-
-
-@pytest.mark.parametrize("name", SOFT)
-def test_the_soft_score_tends_to_the_hard_one(x64, name):
-    drives = stacked(batch(8, 60, 60))
-    soft = jax.jit(jax.vmap(lambda f, t: SOFT[name](f, Relaxation(t, mode="soft")), in_axes=(0, None)))
-    hard = jax.jit(jax.vmap(SCORES[name][0]))(drives)
-    columns = [spec.name for spec in dataclasses.fields(hard)]
-
-    def error(temperature):
-        found = soft(drives, temperature)
-        pairs = ((np.asarray(getattr(x, column), float) for x in (found, hard)) for column in columns)
-        return max(np.max(np.abs(one - other)) for one, other in pairs)
-
-    errors = [error(temperature) for temperature in (1e-1, 1e-3, 1e-5)]
-    assert errors[0] > errors[1] >= errors[2]
-    assert errors[2] < 1e-3
-
-
-@pytest.mark.parametrize("name", SOFT)
-def test_straight_through_has_the_total_of_hard(name):
-    drive = busy_drive()
-    through = jax.jit(lambda f: SOFT[name](f, Relaxation(0.3, mode="straight_through")))(drive)
-    np.testing.assert_allclose(through.total, jax.jit(SCORES[name][0])(drive).total, rtol=1e-5)
