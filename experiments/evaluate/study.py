@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from experiments.common import recordings
 from urbanjax.drivers import DRIVERS, IdmDriver, PdmDriver
 from urbanjax.evaluation import road_users
 from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
@@ -14,10 +15,7 @@ from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
 from urbanjax.evaluation.missions.mission import Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
-from urbanjax.evaluation.recorded.scenes import prepare
 from urbanjax.evaluation.traffic import MANNERS
-from urbanjax.io import maps
-from urbanjax.io.files import data_folder
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams
@@ -29,7 +27,6 @@ from urbanjax.vehicle.params import VehicleParams
 Asked = dict[str, Mission | RecordedMission]  # by name
 
 RECORDED = "replay"  # the traffic of recordings
-SAME = 1e-6  # s, by which periods may differ
 STAMP = "of.json"  # in the folder of rows: what they are of
 DRIVEN = (
     *("vehicle", "period", "sensor", "sim"),
@@ -47,6 +44,10 @@ class EvaluateStudy(LoopParams):
     UNREAD: ClassVar[dict[str, Unread | None]] = {
         **dict.fromkeys(("row", "before"), Unread("no row is driven again, see 'replay'", lambda p: not p.replay)),
         **dict.fromkeys(DRIVEN, Unread("nothing new is driven with 'replay' or 'run'", lambda p: p.replay or p.run)),
+        **dict.fromkeys(
+            ("seeds", "seed"),
+            Unread("no mission is drawn, see 'missions'", lambda p: p.replay or p.run or not p.missions),
+        ),
         **dict.fromkeys(OF_SCENES, Unread("no recording is driven in, see 'scenes'", lambda p: not p.scenes)),
         "stack": Unread(
             "the stack does not drive, see 'drivers', 'replay' and 'run'",
@@ -110,26 +111,10 @@ def jobs_of(study: EvaluateStudy, asked: Asked, traffic: str) -> list[Job]:
 def missions_of(study: EvaluateStudy) -> Asked:
     """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in."""
     found: Asked = {name: MISSIONS[name] for name in study.missions}
-    folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded") if study.scenes else Path()
-    for name in study.scenes:
-        path = folder / f"{name.removesuffix('.xml')}.xml"
-        if not path.is_file():
-            raise ConfigError(f"scenes: there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")
-        road = maps.read(path)
-        if road.recording is None:
-            raise ConfigError(f"scenes: {path} holds no recorded traffic")
-        if abs(road.recording.dt - float(study.period)) > SAME:
-            every = road.recording.dt
-            raise ConfigError(f"scenes: {path} was recorded every {every} s: set period={every}")
-        scene = prepare(
-            path.stem,
-            road.graph,
-            recording=road.recording,
-            params=study.corridor,
-            shortest=float(study.shortest),
-            vehicle=study.vehicle,
-        )
-        found[path.stem] = recorded_mission(scene)
+    for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
+        road = recordings.read(path, study.period, key="scenes")
+        scene = recordings.drivers(road, study.corridor, shortest=study.shortest, vehicle=study.vehicle)
+        found[scene.name] = recorded_mission(scene)
     if not found:
         raise ConfigError("nothing is asked: name 'missions' or 'scenes'")
     if study.scenes and RECORDED not in study.traffic:

@@ -4,10 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
 
+from experiments.common import recordings
 from urbanjax.evaluation.recorded.drive import Drive, drive
-from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare, problems
-from urbanjax.io import maps
-from urbanjax.io.files import data_folder
+from urbanjax.evaluation.recorded.scenes import RecordedScene, problems
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams
 from urbanjax.types import ConfigError, Unread, field, pytree, static
@@ -36,39 +35,25 @@ class RecordedStudy(LoopParams):
 
 def paths(study: RecordedStudy) -> list[Path]:
     """The files. Raises ConfigError, naming the first one that is missing."""
-    folder = Path(study.folder or data_folder() / "maps" / "commonroad_recorded")
-    if study.folder and not folder.is_dir():
-        raise ConfigError(f"'folder' is {study.folder!r}, which is no folder: name the one that holds the 'files'")
-    found = [folder / f"{name.removesuffix('.xml')}.xml" for name in study.files]
-    for path in found:
-        if not path.is_file():
-            raise ConfigError(f"there is no {path.name} in {folder}: set 'folder' or URBANJAX_DATA")
-    if not found:
+    if not study.files:
         raise ConfigError("'files' names no recording")
-    return found
+    return recordings.paths(study.files, study.folder, key="files")
 
 
 def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tuple[RecordedScene, list[Drive]]:
     """One recording and all drives in it."""
     tick(f"{path.stem}: map and routes")
-    road = maps.read(path)
-    if road.recording is None:
-        raise ConfigError(f"{path} holds no recorded traffic: choose other 'files'")
-    if abs(road.recording.dt - float(study.period)) > 1e-6:
-        raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
-    vehicle = study.vehicle
+    road = recordings.read(path, study.period, key="files")
     if study.egos == "problems":
         scene = problems(
-            path.stem, road.graph, recording=road.recording, tasks=road.problems, params=study.corridor, vehicle=vehicle
-        )
-    else:
-        scene = prepare(
             path.stem,
             road.graph,
             recording=road.recording,
+            tasks=road.problems,
             params=study.corridor,
-            shortest=float(study.shortest),
-            vehicle=vehicle,
+            vehicle=study.vehicle,
         )
+    else:
+        scene = recordings.drivers(road, study.corridor, shortest=study.shortest, vehicle=study.vehicle)
     tick(f"{path.stem}: {len(scene.starts)} drives")
     return scene, drive(study.loop(), scene)

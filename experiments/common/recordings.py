@@ -1,0 +1,57 @@
+"""Recorded traffic from the data folder, or another, as scenes to be driven in."""
+
+from pathlib import Path
+
+from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare
+from urbanjax.io import maps
+from urbanjax.io.files import data_folder
+from urbanjax.io.maps import RoadMap
+from urbanjax.roadmap.corridor import CorridorParams
+from urbanjax.types import ConfigError
+from urbanjax.vehicle.params import VehicleParams
+
+SAME = 1e-6  # s, by which periods may differ
+
+
+def paths(names: tuple[str, ...], folder: str, *, key: str) -> list[Path]:
+    """Where recordings lie. Raises ConfigError, naming the first one that is missing.
+
+    Args: names, with or without .xml; folder, by default that of the data beside; key, of the config, that named them.
+    """
+    where = Path(folder or data_folder() / "maps" / "commonroad_recorded")
+    if folder and not where.is_dir():
+        raise ConfigError(f"'folder' is {folder!r}, which is no folder: name the one that holds the {key!r}")
+    found = [where / f"{name.removesuffix('.xml')}.xml" for name in names]
+    for path in found:
+        if not path.is_file():
+            raise ConfigError(f"there is no {path.name} in {where}: set 'folder' or URBANJAX_DATA")
+    return found
+
+
+def read(path: Path, period: float, *, key: str) -> RoadMap:
+    """A map with its recording. Args: period [s], of the closed loop; key, of the config, that named it.
+
+    Raises ConfigError where nobody was recorded, or with another period.
+    """
+    road = maps.read(path)
+    if road.recording is None:
+        raise ConfigError(f"{path} holds no recorded traffic: choose other {key!r}")
+    if abs(road.recording.dt - float(period)) > SAME:
+        raise ConfigError(f"{path} was recorded every {road.recording.dt} s: set period={road.recording.dt}")
+    return road
+
+
+def drivers(road: RoadMap, corridor: CorridorParams, *, shortest: float, vehicle: VehicleParams) -> RecordedScene:
+    """The scene with a start in the place of every recorded driver.
+
+    Args: road, with its recording; corridor, along routes; shortest [s], that a record must last; vehicle, the ego's.
+    """
+    assert road.recording is not None
+    return prepare(
+        road.path.stem,
+        road.graph,
+        recording=road.recording,
+        params=corridor,
+        shortest=float(shortest),
+        vehicle=vehicle,
+    )
