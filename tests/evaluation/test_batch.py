@@ -41,13 +41,6 @@ def test_a_drive_is_the_same_in_any_company(found):
 
 
 @pytest.mark.slow
-def test_devices_share_the_chunks(found, monkeypatch):
-    monkeypatch.setattr(jax, "local_devices", lambda: jax.devices("cpu") * 2)
-    for one, other in zip(found, outcomes(LOOP, JOBS * 2, chunk=CHUNK), strict=False):
-        equal(one, other)
-
-
-@pytest.mark.slow
 def test_it_is_the_closed_loop_until_the_drive_ends(found):
     one = found[0]
     case = jax.tree.map(jnp.asarray, case_of(LOOP, one.job, traffic="idm"))

@@ -1,11 +1,14 @@
 """Many drives through one compiled program: so many at once, and where one ends the next one takes its place.
 
-A chunk is what one device computes at once; places that nobody takes any more hold repeats. What comes out for a drive
-does not depend on which others share its chunk, nor on when it began.
+A chunk is what one program computes at once, and as many run at the same time as there are devices, or cores of a CPU;
+places that nobody takes any more hold repeats. What comes out for a drive does not depend on which others share its
+chunk, nor on when it began.
 """
 
+import contextlib
 import dataclasses
 import itertools
+import os
 import queue
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -83,21 +86,20 @@ def outcomes(
 def _ended(
     loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool
 ) -> Iterator[tuple[int, Outcome]]:
-    """Numbers and outcomes as drives end, the jobs dealt out to the devices; those of one size after the other."""
-    devices = jax.local_devices()
+    """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
         numbered = list(group)
-        if len(devices) == 1:
+        streams = _streams()[: -(-len(numbered) // chunk)]
+        if len(streams) == 1:
             yield from _stream(loop, numbered, traffic, chunk, logs, epdms=epdms)
             continue
         found: queue.SimpleQueue = queue.SimpleQueue()
-        stop = threading.Event()
+        wanted = _Shared(numbered)
 
-        def work(k: int, mine: list[Numbered], found: queue.SimpleQueue = found, stop: Any = stop) -> None:
+        def work(device: jax.Device | None, found: queue.SimpleQueue = found, wanted: _Shared = wanted) -> None:
             end: Any = None
             try:
-                with jax.default_device(devices[k]):
-                    wanted = itertools.takewhile(lambda _: not stop.is_set(), mine)
+                with jax.default_device(device) if device else contextlib.nullcontext():
                     for pair in _stream(loop, wanted, traffic, chunk, logs, epdms=epdms):
                         found.put(pair)
             except BaseException as error:
@@ -105,12 +107,12 @@ def _ended(
             finally:
                 found.put(end)
 
-        with ThreadPoolExecutor(len(devices)) as pool:
+        with ThreadPoolExecutor(len(streams)) as pool:
             try:
-                for k in range(len(devices)):
-                    pool.submit(work, k, numbered[k :: len(devices)])
+                for device in streams:
+                    pool.submit(work, device)
                 ended = 0
-                while ended < len(devices):
+                while ended < len(streams):
                     pair = found.get()
                     if isinstance(pair, BaseException):
                         raise pair
@@ -118,7 +120,34 @@ def _ended(
                     if pair is not None:
                         yield pair
             finally:
-                stop.set()  # the others end with the drives that they have begun
+                wanted.end()  # the others end with the drives that they have begun
+
+
+class _Shared:
+    """An iterator that several threads take from."""
+
+    def __init__(self, items: Iterable[Numbered]) -> None:
+        self._items, self._lock = iter(items), threading.Lock()
+
+    def __iter__(self) -> "_Shared":
+        return self
+
+    def __next__(self) -> Numbered:
+        with self._lock:
+            return next(self._items)
+
+    def end(self) -> None:
+        """Let there be no further items."""
+        with self._lock:
+            self._items = iter(())
+
+
+def _streams() -> list[jax.Device | None]:
+    """The device of every stream of chunks, None for the only one: a chunk by itself leaves cores of a CPU idle."""
+    devices = jax.local_devices()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    at_once = max(cores // len(devices), 1) if devices[0].platform == "cpu" else 1
+    return [None] * at_once if len(devices) == 1 else [device for _ in range(at_once) for device in devices]
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:

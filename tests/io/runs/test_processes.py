@@ -1,22 +1,12 @@
 """Several processes that share a run, and what is said where they do not fit together."""
 
-import os
 import socket
-import subprocess
-import sys
 
 import pytest
 
-from tests.conftest import REPOSITORY
+from tests.experiments.commands import evaluate, tables
 from urbanjax.io.runs import directory, processes
 from urbanjax.types import ConfigError, UrbanJaxError
-
-
-def evaluate(folder, *arguments):
-    command = [sys.executable, "-m", "experiments.evaluate", "preset=smoke", "worst=0", *arguments]
-    environment = {**os.environ, "JAX_PLATFORMS": "cpu", "PYTHONPATH": str(REPOSITORY)}
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return subprocess.Popen([*command, f"hydra.run.dir={folder}"], cwd=folder.parent, env=environment, **pipes)
 
 
 def free_port():
@@ -81,11 +71,8 @@ def test_two_processes_come_to_what_one_comes_to(tmp_path):
 
     codes, said = together("both", seed=0)
     assert codes == [0, 0], said
-    names = ["rows.csv", "headline.csv", "missions.csv", "causes.csv", "subscores.csv", "coverage.csv"]
-    names += [f"logs/{path.name}" for path in (tmp_path / "alone" / "logs").iterdir()]
-    assert len(names) == 9
-    for name in names:
-        assert (tmp_path / "both0" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
+    assert tables(tmp_path / "both0") == tables(tmp_path / "alone")
+    assert len(tables(tmp_path / "alone")) == 9
     assert not (tmp_path / "both1").exists()
 
     codes, said = together("apart", seed=1)
