@@ -25,6 +25,10 @@ SUCCESS = (
     "Brackets: 95 % intervals, of shares Wilson's, of means and paired differences from drawing whole roads."
 )
 
+ORDERS = (
+    'Who is better by each score: ">" where the interval of the paired difference is clear of 0, "~" where it is not'
+)
+
 
 def write(params: EvaluateStudy, run: Run) -> None:
     """Drive all, write rows, tables, figures and report; or compare two runs, or drive one row again."""
@@ -56,7 +60,8 @@ def write(params: EvaluateStudy, run: Run) -> None:
         "headline": tables.headline(rows),
         "missions": tables.by_mission(rows),
         "causes": tables.failures(rows),
-        "subscores": tables.subscores(rows),
+        **{score: tables.parts(rows, score) for score in tables.scores(rows)},
+        "orders": tables.orders(rows),
         "differences": tables.differences(rows),
         "coverage": tables.coverage(rows, expected),
     }
@@ -82,6 +87,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
                     if found["differences"]
                     else []
                 ),
+                report.Table(ORDERS, found["orders"]),
                 *shown,
             ],
         ),
@@ -89,7 +95,14 @@ def write(params: EvaluateStudy, run: Run) -> None:
         report.Section(
             "Why drives failed", [], [report.Table("First violation, or what kept it from the goal", found["causes"])]
         ),
-        report.Section("nuPlan's sub-scores", [], [report.Table("Raw means, before the gates", found["subscores"])]),
+        report.Section(
+            "What the scores are made of",
+            [],
+            [
+                report.Table(f"{title}: means before its gates", found[score])
+                for score, (title, _) in tables.scores(rows).items()
+            ],
+        ),
         report.Section("Coverage", [], [report.Table(", ".join(KEY), found["coverage"])]),
         *_worst(params, run, rows, asked),
     ]

@@ -1,5 +1,6 @@
 """What the rows of an evaluation amount to; every number over drives with its interval."""
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,21 +15,14 @@ from urbanjax.types import ConfigError
 
 Rows = list[dict[str, Any]]
 KEY = ("driver", "traffic", "mission", "seed")
-SCORES = {
-    "nuplan_total": "nuPlan score",
-    "carla_total": "CARLA driving score",
-    "competition_total": "competition [s]",
+SCORES = {  # total of each, and whether more is better
+    "nuplan": ("nuPlan score", True),
+    "epdms_driven": ("EPDMS, driven", True),
+    "carla": ("CARLA driving score", True),
+    "commonroad": ("CommonRoad cost", False),
+    "competition": ("competition [s]", False),
 }
-SUBSCORES = (
-    "nuplan_no_collision_at_fault",
-    "nuplan_drivable_area",
-    "nuplan_driving_direction",
-    "nuplan_making_progress",
-    "nuplan_ttc_within_bound",
-    "nuplan_progress",
-    "nuplan_speed_limit",
-    "nuplan_comfort",
-)
+NOT_PARTS = ("_total", "_success", "_gate", "_defined", "_windows", "_reference", "_way", "_least_ttc")
 
 
 def chosen(rows: Rows, **values: Any) -> Rows:
@@ -44,6 +38,11 @@ def names(rows: Rows, column: str) -> list[str]:
 def scenes(rows: Rows) -> np.ndarray:
     """The road or the recording of each drive: drives of one depend on each other."""
     return np.array([f"{row['mission']} {row['seed'] % ROADS if row['mission'] in MISSIONS else ''}" for row in rows])
+
+
+def scores(rows: Rows) -> dict[str, tuple[str, bool]]:
+    """The scores that the rows hold, see SCORES."""
+    return {score: told for score, told in SCORES.items() if f"{score}_total" in rows[0]}
 
 
 def success(rows: Rows) -> WithInterval:
@@ -67,7 +66,7 @@ def headline(rows: Rows) -> dict[str, list[Any]]:
             "at-fault collision [%]": _share(part, "competition_at_fault"),
             "off the road [%]": _share(part, "competition_off_road"),
         }
-        line |= {title: mean(part, column).text(2) for column, title in SCORES.items()}
+        line |= {title: mean(part, f"{score}_total").text(2) for score, (title, _) in scores(rows).items()}
         _append(out, line)
     return out
 
@@ -111,13 +110,35 @@ def failures(rows: Rows) -> dict[str, list[Any]]:
     return out
 
 
-def subscores(rows: Rows) -> dict[str, list[Any]]:
-    """Means of nuPlan's sub-scores, raw."""
+def parts(rows: Rows, score: str) -> dict[str, list[Any]]:
+    """Means of what a score is made of, before its gates. Args: score, one of SCORES."""
+    told = [name for name in rows[0] if name.startswith(f"{score}_") and not name.endswith(NOT_PARTS)]
+    told = [name for name in told if not name.startswith(f"{score}_gated_")]
     out: dict[str, list[Any]] = {}
     for driver, traffic in _pairs(rows):
         part = chosen(rows, driver=driver, traffic=traffic)
-        columns = {name.removeprefix("nuplan_").replace("_", " "): mean(part, name).text(2) for name in SUBSCORES}
+        columns = {name.removeprefix(f"{score}_").replace("_", " "): mean(part, name).text(2) for name in told}
         _append(out, {"driver": driver, "traffic": traffic, **columns})
+    return out
+
+
+def orders(rows: Rows) -> dict[str, list[Any]]:
+    """The drivers from best to worst by success and by each score, "~" where the next one is not clearly worse."""
+    out: dict[str, list[Any]] = {}
+    judged = {"success": ("success", True)}
+    judged |= {f"{score}_total": told for score, told in scores(rows).items()}
+    for traffic in names(rows, "traffic"):
+        by_driver = {name: chosen(rows, traffic=traffic, driver=name) for name in names(rows, "driver")}
+        by_driver = {name: part for name, part in by_driver.items() if part}
+        for column, (title, more) in judged.items():
+            sign = 1.0 if more else -1.0
+            best = sorted(by_driver, key=lambda name: -sign * mean(by_driver[name], column).value)
+            text = best[0]
+            for one, other in itertools.pairwise(best):
+                found = _paired(by_driver[one], by_driver[other], column)
+                clear = min(sign * found.low, sign * found.high) > 0
+                text += f" {'>' if clear else '~'} {other}"
+            _append(out, {"traffic": traffic, "by": title, "from best to worst": text})
     return out
 
 
@@ -140,16 +161,25 @@ def differences(rows: Rows) -> dict[str, list[Any]]:
 
 def against(ours: Rows, theirs: Rows) -> dict[str, Any]:
     """Paired differences of two sets of drives from the same starts, for a line of a table."""
+    both, other = _pairwise(ours, theirs)
+    line: dict[str, Any] = {"pairs": len(both)}
+    line["success [points]"] = _paired(both, other, "success").percent.text()
+    line["nuPlan score"] = _paired(both, other, "nuplan_total").text(3)
+    return line
+
+
+def _pairwise(ours: Rows, theirs: Rows) -> tuple[Rows, Rows]:
     pairs = {(row["mission"], row["seed"]): row for row in theirs}
     both = [row for row in ours if (row["mission"], row["seed"]) in pairs]
     if not both:
         raise ConfigError("the two have no start in common: compare runs of the same missions and seeds")
-    other = [pairs[row["mission"], row["seed"]] for row in both]
-    line: dict[str, Any] = {"pairs": len(both)}
-    for column, title, scale in (("success", "success [points]", 100.0), ("nuplan_total", "nuPlan score", 1.0)):
-        one, two = ([scale * float(row[column]) for row in part] for part in (both, other))
-        line[title] = statistics.paired(one, two, groups=scenes(both)).text(1 if scale > 1 else 3)
-    return line
+    return both, [pairs[row["mission"], row["seed"]] for row in both]
+
+
+def _paired(ours: Rows, theirs: Rows, column: str) -> WithInterval:
+    both, other = _pairwise(ours, theirs)
+    one, two = ([float(row[column]) for row in part] for part in (both, other))
+    return statistics.paired(one, two, groups=scenes(both))
 
 
 def summary(rows: Rows) -> dict[str, Any]:
@@ -160,7 +190,8 @@ def summary(rows: Rows) -> dict[str, Any]:
             part = chosen(rows, driver=driver, traffic=traffic, **({"mission": mission} if mission else {}))
             name = "_".join(x for x in (driver, traffic, mission) if x)
             out |= success(part).flat(f"{name}_success_share")
-            out |= mean(part, "nuplan_total").flat(f"{name}_nuplan_score")
+            for score in scores(rows) if not mission else ("nuplan",):
+                out |= mean(part, f"{score}_total").flat(f"{name}_{score}_score")
     return out
 
 

@@ -25,6 +25,16 @@ def test_bootstrap_of_a_mean_is_scipys():
     np.testing.assert_allclose([found.low, found.high], [peer.low, peer.high], rtol=0.02)
 
 
+def test_the_mean_of_groups_is_drawn_as_any_other_number_is(monkeypatch):
+    rng = np.random.default_rng(3)
+    values, groups = rng.normal(size=90), rng.integers(0, 20, 90)
+    found = statistics.mean(values, groups=groups)
+    one_by_one = statistics.bootstrap(lambda index: values[index].mean(), 90, groups=groups)
+    np.testing.assert_allclose(found, one_by_one, rtol=1e-12)
+    monkeypatch.setattr(statistics, "AT_ONCE", 300)
+    np.testing.assert_allclose(statistics.mean(values, groups=groups), found, atol=0.02)
+
+
 @pytest.mark.parametrize("by_group", [True, False])
 def test_nineteen_of_twenty_intervals_hold_the_mean_if_groups_are_drawn_whole(by_group):
     """30 scenes of 5 runs that share most of their error."""

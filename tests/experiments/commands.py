@@ -18,6 +18,6 @@ def evaluate(folder, *arguments, devices=1):
 
 def tables(folder):
     """The files of a run that hold what came out, by name: bytes."""
-    names = ["rows.csv", "headline.csv", "missions.csv", "causes.csv", "subscores.csv", "coverage.csv"]
+    names = ["rows.csv", "headline.csv", "missions.csv", "causes.csv", "nuplan.csv", "coverage.csv"]
     files = [folder / name for name in names] + sorted((folder / "logs").glob("*"))
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}

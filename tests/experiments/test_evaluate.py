@@ -12,7 +12,7 @@ from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.runs import directory
 from urbanjax.types import ConfigError
 
-SUBSCORES = dict.fromkeys(tables.SUBSCORES, 1.0)
+PARTS = ("no_collision_at_fault", "drivable_area", "ttc_within_bound", "gated_ttc", "gate", "comfort")
 
 
 def row(driver, mission, seed, success, score, cause="late", traffic="idm"):
@@ -31,7 +31,7 @@ def row(driver, mission, seed, success, score, cause="late", traffic="idm"):
         "competition_reached": success,
         "competition_at_fault": int(cause == "hit moving" and not success),
         "competition_off_road": 0,
-        **SUBSCORES,
+        **{f"nuplan_{name}": 1.0 for name in PARTS},
     }
 
 
@@ -69,6 +69,19 @@ def test_differences_are_paired_by_start():
     assert tables.against(one[:3], two)["pairs"] == 3
     with pytest.raises(ConfigError, match="no start in common"):
         tables.against(one, tables.chosen(ROWS, driver="nobody"))
+
+
+def test_each_score_is_shown_with_its_parts_and_the_order_that_it_gives():
+    assert list(tables.scores(ROWS)) == ["nuplan", "carla", "competition"]
+    told = tables.parts(ROWS, "nuplan")
+    assert list(told) == ["driver", "traffic", "no collision at fault", "drivable area", "ttc within bound", "comfort"]
+    assert told["comfort"] == ["1.00 [1.00, 1.00]"] * 2
+    dear = [{**r, "competition_total": 30.0 if r["driver"] == "stack" else 20.0} for r in ROWS]
+    found = dict(zip(*(tables.orders(dear)[name] for name in ("by", "from best to worst")), strict=True))
+    assert found["success"] == found["nuPlan score"] == "stack > idm"
+    assert found["competition [s]"] == "idm > stack"
+    alike = [{**r, "nuplan_total": 0.5 + 0.1 * (r["seed"] % 2 == (r["driver"] == "idm"))} for r in ROWS]
+    assert "~" in tables.orders(alike)["from best to worst"][1]
 
 
 def test_missing_and_repeated_drives_are_counted():

@@ -9,6 +9,7 @@ from scipy import stats
 from urbanjax.types import ScenarioError
 
 LEVEL, DRAWS = 0.95, 2000
+AT_ONCE = 10**7  # numbers held while drawing
 
 
 class WithInterval(NamedTuple):
@@ -54,7 +55,15 @@ def mean(values: Any, *, groups: Any = None, level: float = LEVEL, seed: int = 0
     coverage; seed of the draws.
     """
     numbers = np.asarray(values, float)
-    return bootstrap(lambda index: numbers[index].mean(), len(numbers), groups=groups, level=level, seed=seed)
+    which = _grouped(len(numbers), groups)
+    if len(numbers) < 2:
+        return WithInterval(float(numbers.mean()) if len(numbers) else np.nan, np.nan, np.nan)
+    size, total = np.bincount(which), np.bincount(which, numbers)
+    rng, drawn, rows = np.random.default_rng(seed), [], max(AT_ONCE // len(size), 1)
+    for first in range(0, DRAWS, rows):
+        chosen = rng.integers(0, len(size), (min(rows, DRAWS - first), len(size)))
+        drawn.append(total[chosen].sum(1) / size[chosen].sum(1))
+    return _between(float(numbers.mean()), np.concatenate(drawn), level)
 
 
 def bootstrap(
@@ -74,25 +83,34 @@ def bootstrap(
     groups [N], what each belongs to (default: every run stands alone); level, nominal coverage; draws, their number;
     seed of the draws. Raises ScenarioError for another number of groups than of runs.
     """
-    every = np.arange(count)
-    if groups is not None and len(groups) != count:
-        raise ScenarioError(f"{len(groups)} groups for {count} runs: name the group of each run")
+    every, which = np.arange(count), _grouped(count, groups)
     if not count:
         return WithInterval(np.nan, np.nan, np.nan)
     value = float(statistic(every))
     if count < 2:
         return WithInterval(value, np.nan, np.nan)
-    names = every if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1].ravel()
-    names = every if names.max() == 0 else names
-    members = [np.flatnonzero(names == name) for name in range(names.max() + 1)]
-    rng = np.random.default_rng(seed)
-    chosen = rng.integers(0, len(members), (draws, len(members)))
+    members = [np.flatnonzero(which == name) for name in range(which.max() + 1)]
+    chosen = np.random.default_rng(seed).integers(0, len(members), (draws, len(members)))
     if len(members) == count:
         drawn = [statistic(row) for row in chosen]
     else:
         drawn = [statistic(np.concatenate([members[k] for k in row])) for row in chosen]
-    known = np.asarray(drawn, float)
-    known = known[~np.isnan(known)]
+    return _between(value, np.asarray(drawn, float), level)
+
+
+def _grouped(count: int, groups: Any) -> np.ndarray:
+    """The number of the group of each run; where there is one group alone, each run is its own."""
+    if groups is not None and len(groups) != count:
+        raise ScenarioError(f"{len(groups)} groups for {count} runs: name the group of each run")
+    if groups is None or not count:
+        return np.arange(count)
+    which = np.unique(np.asarray(groups), return_inverse=True)[1].ravel()
+    return which if which.max() else np.arange(count)
+
+
+def _between(value: float, drawn: np.ndarray, level: float) -> WithInterval:
+    """A number with the quantiles of what was drawn of it."""
+    known = drawn[~np.isnan(drawn)]
     if not known.size:
         return WithInterval(value, np.nan, np.nan)
     low, high = np.quantile(known, ((1 - level) / 2, (1 + level) / 2))
