@@ -5,7 +5,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.behavior.situation import Body
-from urbanjax.behavior.surroundings import Surroundings, in_lane
+from urbanjax.behavior.surroundings import Surroundings
 from urbanjax.numerics import lean, safe, soft
 from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 from urbanjax.vehicle.driving import Driving
@@ -92,17 +92,17 @@ def plan_speed(
 
 
 def clamp(
-    surroundings: Surroundings, driving: Driving, *, path_offset: Float[Array, "o"], front: Float[Array, ""]
+    surroundings: Surroundings, driving: Driving, *, in_path: Float[Array, "o"], front: Float[Array, ""]
 ) -> Float[Array, ""]:
     """Highest speed in m/s that keeps `clamp_time` to what the chosen path does not clear sideways.
 
-    Args: surroundings [O]; driving, with BehaviorParams; path_offset [O] m, offset of the chosen path where it reaches
-    each object's rear; front [] m, station of the ego's front bumper.
+    Args: surroundings [O]; driving, with BehaviorParams; in_path [O], degree to which each is in the chosen path's way;
+    front [] m, station of the ego's front bumper.
     """
     params, relaxation = driving.params, driving.relaxation
     gap = surroundings.station - surroundings.half_length - front
     ahead = soft.above(gap + surroundings.half_length, 0.0, relaxation, scale=1.0)
-    degree = soft.both(in_lane(surroundings, driving.of(params.occupancy), lane=path_offset), ahead)
+    degree = soft.both(in_path, ahead)
     allowed = lean.maximum(surroundings.speed + lean.maximum(gap, 0) / params.gvp.clamp_time, 0)
     free = jnp.asarray(driving.vehicle.max_speed, allowed.dtype)
     each = free - degree * (free - lean.minimum(allowed, free))

@@ -5,9 +5,9 @@ from jaxtyping import Float
 
 from urbanjax.behavior import caps, gvp
 from urbanjax.behavior.gvp import LaneSpeeds
-from urbanjax.behavior.surroundings import in_lane
+from urbanjax.behavior.surroundings import in_lane, in_path, moving
 from urbanjax.behavior.tsps import Choice
-from urbanjax.numerics import lean, safe
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.planning.basis import interpolate
 from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
@@ -30,12 +30,18 @@ def plan(choice: Choice, driving: Driving) -> SpeedPlan:
     """
     params, view, path, terminal = driving.params, choice.view, choice.path, choice.terminal
     around, body = view.surroundings, view.body
-    cap = caps.now(path, params.caps, cap=choice.cap, signal=view.signal)
+    cap, telling = caps.now(path, params.caps, cap=choice.cap, signal=view.signal), driving.of(params.occupancy)
+    rear = around.station - around.half_length
+    moves = moving(around, telling)
+    on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
+    hinders = in_path(around, telling, offset=on_path, moves=moves)
+    # Between vehicles that stand in two lanes the path may be free while both lanes are blocked (Eq. 28).
+    counts = soft.either(hinders, moves)
 
     def lane_speed(weights: Float[Array, "q"], front: Array, time: float | Array) -> Float[Array, ""]:
         lane = around.lane_offset @ weights
-        occupancy = in_lane(around, driving.of(params.occupancy), lane=lane)
-        lead = around.station - around.half_length + time * around.speed - front
+        occupancy = soft.both(in_lane(around, telling, lane=lane), counts)
+        lead = rear + time * around.speed - front
         return gvp.following_speed(around, driving, occupancy=occupancy, body=body, lead=lead, cap=cap)
 
     def distances(offset: Float[Array, ""], lanes: Float[Array, "q"]) -> tuple[Array, Array]:
@@ -50,8 +56,6 @@ def plan(choice: Choice, driving: Driving) -> SpeedPlan:
         v_ego=lane_speed(choice.ego_lane, body.front, 0.0),
         params=params.gvp,
     )
-    rear = around.station - around.half_length
-    on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
-    clamp = gvp.clamp(around, driving, path_offset=on_path, front=body.front)
+    clamp = gvp.clamp(around, driving, in_path=hinders, front=body.front)
     reference = lean.minimum(lanes.reference, clamp) if params.gvp.ttc_clamp else lanes.reference
     return SpeedPlan(reference=reference, lanes=lanes, cap=cap, clamp=clamp)

@@ -17,7 +17,9 @@ class OccupancyParams:
     """When a vehicle counts as being in a lane."""
 
     lateral_margin: float = 0.3  # m, beside both bodies
+    standing_margin: float = 0.15  # m, the same where one who stands is in the way of a path
     anticipation: float = 1.0  # s, for which a vehicle that moves sideways is extrapolated
+    standing_speed: float = 0.3  # m/s, below which an object stands
 
 
 @pytree
@@ -59,14 +61,17 @@ def relate(objects: Objects, window: Corridor) -> Surroundings:
     )
 
 
-def in_lane(surroundings: Surroundings, driving: Driving, *, lane: Float[Array, "o"]) -> Float[Array, "o"]:
+def in_lane(
+    surroundings: Surroundings, driving: Driving, *, lane: Float[Array, "o"], margin: Float[Array, "o"] | None = None
+) -> Float[Array, "o"]:
     """Degree to which each object occupies a lane, now or after `anticipation` seconds.
 
     Args: surroundings [O]; driving, with OccupancyParams; lane [O] m, offset of the lane's centre at each object's
-    station.
+    station; margin [O] m, beside both bodies (default: `lateral_margin`).
     """
     params, relaxation = driving.params, driving.relaxation
-    reach = surroundings.half_width + driving.vehicle.width / 2 + params.lateral_margin
+    kept = params.lateral_margin if margin is None else margin
+    reach = surroundings.half_width + driving.vehicle.width / 2 + kept
 
     def occupied(offset: Array) -> Array:
         beside = safe.sqrt((offset - lane) ** 2 + 1e-6)
@@ -75,3 +80,23 @@ def in_lane(surroundings: Surroundings, driving: Driving, *, lane: Float[Array, 
     later = surroundings.offset + params.anticipation * surroundings.lateral_speed
     degree = soft.either(occupied(surroundings.offset), occupied(later))
     return jnp.where(surroundings.valid, degree, 0)
+
+
+def moving(surroundings: Surroundings, driving: Driving) -> Float[Array, "o"]:
+    """Degree to which each object moves. Args: surroundings [O]; driving, with OccupancyParams."""
+    limit = driving.params.standing_speed
+    pace = safe.sqrt(surroundings.speed**2 + surroundings.lateral_speed**2 + 1e-6)
+    return soft.above(pace, limit, driving.relaxation, scale=limit)
+
+
+def in_path(
+    surroundings: Surroundings, driving: Driving, *, offset: Float[Array, "o"], moves: Float[Array, "o"]
+) -> Float[Array, "o"]:
+    """Degree to which each object is in the way of a path; one that stands may be passed closely.
+
+    Args: surroundings [O]; driving, with OccupancyParams; offset [O] m, of the path at each object's rear; moves [O],
+    degree to which each moves.
+    """
+    params = driving.params
+    margin = params.standing_margin + moves * (params.lateral_margin - params.standing_margin)
+    return in_lane(surroundings, driving, lane=offset, margin=margin)

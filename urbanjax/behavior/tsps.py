@@ -18,7 +18,7 @@ from urbanjax.behavior.situation import (
     near_signal,
     signal_ahead,
 )
-from urbanjax.behavior.surroundings import Surroundings, in_lane, relate
+from urbanjax.behavior.surroundings import Surroundings, in_lane, moving, relate
 from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember, standing
 from urbanjax.numerics import soft
 from urbanjax.planning.plan import Plan
@@ -204,16 +204,18 @@ def assess(
     """
     params, relaxation = driving.params, driving.relaxation
     tree, here, body, around = params.tsps, view.here, view.body, view.surroundings
-    deciding = driving.of(tree)
+    deciding, telling = driving.of(tree), driving.of(params.occupancy)
 
     def occupied(lane: Float[Array, "q"]) -> Float[Array, "o"]:
-        return in_lane(around, driving.of(params.occupancy), lane=around.lane_offset @ lane)
+        return in_lane(around, telling, lane=around.lane_offset @ lane)
 
     def blocked_beside(lane: Float[Array, "q"], occupancy: Float[Array, "o"]) -> Float[Array, ""]:
         enters = entering(here.lane_offset @ lane, deciding, body=body, lane_width=here.lane_width @ lanes.ego)
         return soft.both(enters, beside(around, deciding, occupancy=occupancy, body=body))
 
     in_route, in_ego, in_micro = occupied(lanes.route), occupied(lanes.ego), occupied(lanes.micro)
+    # One that stands closes no gap: the micro path, where it is feasible, has room beside it.
+    in_micro = soft.both(in_micro, moving(around, telling))
     return_occupied = blocked_beside(lanes.route, in_route)
     clear = soft.above(route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
     near = near_signal(view.signal, deciding, reach=tree.signal_distance)
@@ -234,3 +236,4 @@ def assess(
         ),
     )
     return memory, conditions
+

@@ -17,6 +17,7 @@ class LongitudinalParams:
     comfort_acceleration: float = 2.0  # m/s^2
     comfort_deceleration: float = 4.0  # m/s^2, positive
     max_jerk: float = 8.0  # m/s^3, outside emergencies
+    onset_jerk: float = 1.5  # m/s^3, with which it speeds up; to brake less hard, and to brake, may be as fast as above
 
 
 def accelerate(
@@ -29,14 +30,16 @@ def accelerate(
 ) -> Float[Array, ""]:
     """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1.
 
-    Outside emergencies it changes by no more than `max_jerk` allows. Args: speed [] m/s; driving, with
-    LongitudinalParams; previous [] m/s^2, the present acceleration; reference [] m/s; emergency [], a share.
+    Outside emergencies it changes by no more than `max_jerk` allows, and beyond 0 rises by `onset_jerk`. Args: speed []
+    m/s; driving, with LongitudinalParams; previous [] m/s^2, the present acceleration; reference [] m/s; emergency [],
+    a share.
     """
     params, vehicle = driving.params, driving.vehicle
     upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
     lower = -jnp.minimum(params.comfort_deceleration, vehicle.max_deceleration)
     wanted = lean.clip((reference - speed) / params.time_constant, lower, upper)
     change = params.max_jerk * driving.period
-    tracking = lean.clip(wanted, previous - change, previous + change)
+    onset = lean.maximum(previous, 0) + params.onset_jerk * driving.period
+    tracking = lean.clip(wanted, previous - change, lean.minimum(previous + change, onset))
     braking = lean.clip(-speed / params.time_constant, -vehicle.max_deceleration, 0.0)
     return (1 - emergency) * tracking + emergency * braking

@@ -81,6 +81,7 @@ def plan(situation: Situation, driving: Driving, *, previous: Previous) -> Macro
     layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
     follower = followers(state, driving.of(params.clearance), prediction=prediction)
     room = lattice.clearance(layers, driving.of(params.clearance), prediction=prediction, follower=follower)
+    layers, room = lattice.centred(layers, params.weights, room=room)
     nodes, node_bad = lattice.node_terms(layers, weighing, room=room, previous=previous)
     ways = lattice.ways(layers, progress.offset, vehicle=vehicle)
     start, start_bad = lattice.start_terms(layers, weighing, ways=ways, offset=progress.offset)

@@ -56,6 +56,7 @@ class MicroParams:
     weights: MicroWeights = MicroWeights()
     clearance: ClearanceParams = ClearanceParams()
     min_clearance: float = 0.6  # m, below which the obstacle term sets in
+    kept: float = 0.15  # m, clearance below which a candidate collides: paths are not followed to the centimetre
     collision_horizon: float = 5.0  # s, a collision farther ahead is not one yet
     horizon_fade: float = 1.0  # s, over which obstacles fade out after it
     max_lateral_acceleration: float = 4.0  # m/s^2
@@ -207,7 +208,7 @@ def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> F
     at_points = (
         left(sharp, steering, too_sharp, params.settle),
         left(across, params.max_lateral_acceleration, too_fast, params.settle),
-        soon,
+        soon - params.kept,
         left(outside, params.edge_tolerance, start, params.recovery),
     )
     between = (

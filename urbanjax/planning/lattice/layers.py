@@ -144,6 +144,22 @@ def clearance(
     return soft.minimum(room, driving.relaxation, scale=driving.params.gap_scale).reshape(shape)
 
 
+def centred(lattice: Lattice, weights: LatticeWeights, *, room: Float[Array, "s m"]) -> tuple[Lattice, Array]:
+    """The lattice with nodes that lack clearance moved to where they have most, and the clearance [S, M] (m) there.
+
+    By at most half the way to the next node, so that a gap between two nodes is met in its middle: clearance rises and
+    falls by a metre per metre across, which tells its peak from that of the nodes beside. Args: lattice; weights, for
+    the clearance that is enough; room [S, M] m, clearance of each node.
+    """
+    right = jnp.concatenate([room[:, :1], room[:, :-1]], axis=1)
+    left = jnp.concatenate([room[:, 1:], room[:, -1:]], axis=1)
+    apart = lattice.road.lane_width[:, lattice.lane] * (lattice.road.lane_width.shape[1] / lattice.lane.size)
+    reach = lean.minimum(lean.maximum(weights.clearance - room, 0), apart / 2)
+    shift = lean.minimum(lean.maximum((left - right) / 2, -reach), reach)
+    peak = lean.minimum(right + apart + shift, left + apart - shift)
+    return lattice.replace(offset=lattice.offset + shift), lean.minimum(room + jnp.abs(shift), peak)
+
+
 def node_terms(
     lattice: Lattice, driving: Driving, *, room: Float[Array, "s m"], previous: Previous
 ) -> tuple[dict[str, Array], Float[Array, "s m"]]:
