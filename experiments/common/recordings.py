@@ -1,6 +1,8 @@
 """Recorded traffic from the data folder, or another, as scenes to be driven in."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare
 from urbanjax.io import maps
@@ -54,4 +56,14 @@ def drivers(road: RoadMap, corridor: CorridorParams, *, shortest: float, vehicle
         params=corridor,
         shortest=float(shortest),
         vehicle=vehicle,
+        cycles=road.cycles,
     )
+
+
+def signals(scenes: Sequence[RecordedScene]) -> dict[str, list[Any]]:
+    """How many signals of each scene show what the map's programs say, and how many are green for want of one."""
+    return {
+        "scene": [scene.name for scene in scenes],
+        "signals by the map's program": [scene.with_program for scene in scenes],
+        "signals shown green": [scene.graph.n_signals - scene.with_program for scene in scenes],
+    }

@@ -3,10 +3,12 @@
 import resource
 from typing import Any
 
+from experiments.common import recordings
 from experiments.evaluate import driving, figures, replay, study, tables
 from experiments.evaluate.study import Asked, EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
+from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
@@ -24,6 +26,7 @@ SUCCESS = (
     "that fail count; none is dropped. "
     "Brackets: 95 % intervals, of shares Wilson's, of means and paired differences from drawing whole roads."
 )
+SIGNALS = "Signals show what the map's program says at the time of the record, and green where the map states none."
 
 ORDERS = (
     'Who is better by each score: ">" where the interval of the paired difference is clear of 0, "~" where it is not'
@@ -47,6 +50,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
     if params.process:
         return  # process 0 goes on with the rows of all
     run.table("rows", tables.columns(rows))
+    scenes = [one.scene for one in asked.values() if isinstance(one, RecordedMission)]
     expected = [
         (driver, traffic, job.mission.name, job.seed)
         for driver in dict.fromkeys(params.drivers)
@@ -64,6 +68,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
         "orders": tables.orders(rows),
         "differences": tables.differences(rows),
         "coverage": tables.coverage(rows, expected),
+        "signals": recordings.signals(scenes) if scenes else {},
     }
     for name, columns in found.items():
         if columns:
@@ -104,6 +109,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
             ],
         ),
         report.Section("Coverage", [], [report.Table(", ".join(KEY), found["coverage"])]),
+        *([report.Section("Recordings", [], [report.Table(SIGNALS, found["signals"])])] if scenes else []),
         *_worst(params, run, rows, asked),
     ]
     report.write_report(run.path("report.html"), "Evaluation", sections=sections, manifest=run.manifest("complete"))

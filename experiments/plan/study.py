@@ -111,7 +111,14 @@ def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState
     road = maps.read(Path(study.file))
     if road.recording is None:
         raise ConfigError(f"{study.file} holds no recorded traffic: choose another 'file'")
-    scene = scenes.prepare(road.path.stem, road.graph, recording=road.recording, params=study.corridor, shortest=1.0)
+    scene = scenes.prepare(
+        road.path.stem,
+        road.graph,
+        recording=road.recording,
+        params=study.corridor,
+        shortest=1.0,
+        cycles=road.cycles,
+    )
     names, wanted = [start.name for start in scene.starts], str(study.ego)
     if study.ego and wanted not in names:
         raise ConfigError(f"'ego' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")

@@ -1,5 +1,6 @@
 """Closed loop in the place of every recorded driver."""
 
+from experiments.common import recordings
 from experiments.recorded import figures, study, table
 from experiments.recorded.study import RecordedStudy
 from urbanjax.io.runs import progress, report
@@ -11,23 +12,27 @@ CAPTION = (
     "who stands; not at fault: it stands, or is hit from behind. Progress is along the route, ours over the recorded "
     "one. Comfort from the same differences of speed and heading over one step; recorded ones hold the noise of the "
     "measurement. Brackets: 95 % intervals, of shares Wilson's, of all else from drawing whole scenes. "
-    "Signals count as green throughout, also where a file holds their programs."
+    "Signals show what the map's programs say, and green where it has none."
 )
 
 
 def write(params: RecordedStudy, run: Run) -> None:
     """Drive, print the table, write figures and report."""
-    drives, left_out, pictures = [], {}, []
+    drives, left_out, pictures, scenes = [], {}, [], []
     with progress.bar("recorded traffic") as tick:
         for path in study.paths(params):
             scene, driven = study.drives(params, path, tick)
             drives += driven
+            scenes.append(scene)
             left_out[scene.name] = scene.left_out
             figures.draw_scene(scene, driven, run.path(f"{scene.name}.png"))
             pictures.append(
                 report.Picture(f"{scene.name}: the stack and the recorded drives", run.path(f"{scene.name}.png"))
             )
             run.table("drives", table.rows(drives))
+    signals = recordings.signals(scenes)
+    run.table("signals", signals)
+    pictures.append(report.Table("Signals by scene", signals))
     if params.egos == "problems":
         run.summary(table.problem_score(drives))
         columns = table.problems(drives)

@@ -52,6 +52,7 @@ def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tup
             tasks=road.problems,
             params=study.corridor,
             vehicle=study.vehicle,
+            cycles=road.cycles,
         )
     else:
         scene = recordings.drivers(road, study.corridor, shortest=study.shortest, vehicle=study.vehicle)

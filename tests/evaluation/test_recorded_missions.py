@@ -2,11 +2,13 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments.common import recordings
 from tests.experiments.test_recorded import recording
-from urbanjax.drivers import ConstantVelocity
+from urbanjax.drivers import ConstantVelocity, IdmDriver
 from urbanjax.evaluation.batch import Job, case_of, outcomes
 from urbanjax.evaluation.missions.recorded import recorded_mission
 from urbanjax.evaluation.recorded.scenes import prepare
@@ -14,14 +16,28 @@ from urbanjax.roadmap.builders import straight
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams
-from urbanjax.types import RoadUser, ScenarioError
+from urbanjax.sim.signals import SignalCycle
+from urbanjax.types import RoadUser, ScenarioError, SignalState
 
 LOOP = LoopParams(driver=ConstantVelocity())
+STOP_LINES = 40.0, 85.0  # m, of the left and the right lane, both of signal 0
+RED, YELLOW, GREEN = (int(state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN))
+
+
+def signalled(graph):
+    lines = np.zeros(np.shape(graph.stop_line), np.float32)
+    lines[:2, 0] = STOP_LINES
+    has = lines > 0
+    return graph.replace(n_signals=1, signal=jnp.zeros(has.shape, jnp.int32), has_signal=has, stop_line=lines)
+
+
+def by_program(mission, *cycles):
+    return recorded_mission(dataclasses.replace(mission.scene, cycles=cycles))
 
 
 @pytest.fixture(scope="module")
 def mission():
-    graph = straight(2, 600.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0, section=150.0))
+    graph = signalled(straight(2, 600.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0, section=150.0)))
     rows = [
         ("ego", 60.0, 0.0, 10.0, 0, 40),
         ("blocked", 20.0, 3.5, 10.0, 5, 40),
@@ -60,3 +76,29 @@ def test_drives_of_a_recording_are_judged_like_any_other(mission):
         assert one.row["success"]
         np.testing.assert_allclose(one.row["way_m"], 0.8 * 10.0 * (4.0, 3.5, 3.5)[k] * (1, 1, 0.9)[k], atol=1.0)
         np.testing.assert_allclose(one.row["nuplan_progress"], 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("offset", "red"), [(0.0, 1), (0.1, 0), (-5.0, 0), (7.2, 1)])
+def test_a_stop_line_is_crossed_at_what_the_program_shows_at_that_time_of_the_record(mission, offset, red):
+    """Front bumpers are just before their lines at 2.2 s (ego) and at 1.7 s of the record (blocked, from 0.5 s on)."""
+    cycle = SignalCycle((1.65, 0.1, 0.45, 0.1, 4.9), (GREEN, RED, GREEN, RED, YELLOW), offset)
+    found = list(outcomes(LOOP, [Job(by_program(mission, cycle), k) for k in range(2)], traffic="replay", chunk=4))
+    assert [one.row["competition_red_light"] for one in found] == [red, red]
+    assert [one.row["success"] for one in found] == [not red, not red]
+
+
+def test_who_drives_sees_the_signals_of_the_program(mission):
+    loop = LoopParams(driver=IdmDriver())
+    for state, crosses in ((RED, False), (GREEN, True)):
+        cycle = SignalCycle((1.0, 50.0), (YELLOW, state), offset=-2.0)
+        (one,) = outcomes(loop, [Job(by_program(mission, cycle), 0)], traffic="replay", chunk=4)
+        assert (one.row["way_m"] > STOP_LINES[1] - 62.4) == crosses
+        assert one.row["competition_red_light"] == 0
+
+
+def test_signals_with_and_without_a_program_are_counted_by_scene(mission):
+    assert recordings.signals([mission.scene, by_program(mission, SignalCycle((1.0,), (RED,))).scene]) == {
+        "scene": ["made_up", "made_up"],
+        "signals by the map's program": [0, 1],
+        "signals shown green": [1, 0],
+    }

@@ -13,6 +13,8 @@ from urbanjax.io.maps import validity
 from urbanjax.roadmap.graph import Rule, Turn
 from urbanjax.roadmap.locate import locate
 from urbanjax.roadmap.route import route_between
+from urbanjax.sim.signals import phases, show
+from urbanjax.types import SignalState
 
 pytestmark = [pytest.mark.real_data, pytest.mark.filterwarnings("ignore::urbanjax.io.maps.DanglingWarning")]
 
@@ -41,6 +43,7 @@ COMMONROAD = {
 }
 # Links that the geometry turns round, and those that it leaves out.
 REPAIRED = {"CHN_Merging-1": (6, 1), "CHN_Roundabout-1": (37, 20), "USA_Roundabout-1": (12, 4)}
+R, Y, G = (int(state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN))
 locate_jit = jax.jit(locate)
 RECORDED = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
 
@@ -93,6 +96,13 @@ def test_recorded_traffic_drives_on_the_lanes(data_dir, name):
     moved = np.linalg.norm(np.diff(recording.position, axis=0), axis=-1) / recording.dt
     both = recording.valid[1:] & recording.valid[:-1]
     assert np.median(np.abs(moved - recording.speed[1:])[both]) < 0.15
+
+
+def test_the_signals_of_peachtree_turn_red_while_it_was_recorded(data_dir):
+    found = maps.read(data_dir / "maps" / "commonroad_recorded" / "USA_Peach-4_8_T-1.xml")
+    program = phases(found.cycles, found.graph.n_signals)
+    for time, states in ((0.0, (Y, Y, R, R)), (1.9, (Y, Y, R, R)), (2.0, (R, R, R, R)), (9.0, (R, R, G, G))):
+        assert show(program, jnp.asarray(time)).state.tolist() == list(states)
 
 
 def test_a_planning_problem_of_lankershim_can_be_routed(data_dir):

@@ -18,7 +18,7 @@ from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.replay import Replay
 from urbanjax.sim.scenery.scenery import Scenery
-from urbanjax.sim.signals import SignalProgram
+from urbanjax.sim.signals import SignalPhases, SignalProgram
 from urbanjax.types import (
     HANDED_DOWN,
     Command,
@@ -66,7 +66,7 @@ class WorldState:
     ego: VehicleState
     ego_link: Array  # [] int32, the link that the ego is on
     traffic: Traffic
-    signals: SignalProgram
+    signals: SignalProgram | SignalPhases
     time: Array  # [] s
     count: Array  # [] int32, policy steps so far
     replay: Replay | None = None  # recorded road users; simulated traffic does not see them

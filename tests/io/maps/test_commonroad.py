@@ -138,6 +138,7 @@ def test_the_older_version(read):
         ('<lanelet id="3">', '<lanelet id="">', '<lanelet id="">: id is'),
         ("25mph", "25knots", '<trafficSign id="11">: additionalValue is'),
         ("<duration>200<", "<duration>-1<", '<trafficLight id="20">: duration is'),
+        ("<color>green<", "<color>grean<", '<trafficLight id="20">: a phase has the colour'),
         ("<time><exact>1</exact>", "<time><exact>0</exact>", '<dynamicObstacle id="100">: the time steps'),
         ("<time><exact>2</exact>", "<time><exact>1e6</exact>", None),
         ("<time><exact>2</exact>", "<time><exact>1e7</exact>", '<dynamicObstacle id="100">: time is'),

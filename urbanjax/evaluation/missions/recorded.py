@@ -5,8 +5,8 @@ import numpy as np
 
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions.mission import LONGEST
-from urbanjax.evaluation.recorded.drive import world_of
 from urbanjax.evaluation.recorded.scenes import RecordedScene
+from urbanjax.evaluation.recorded.worlds import world_of
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.progress import progress
 from urbanjax.sim import lanes as tables
@@ -25,8 +25,8 @@ class RecordedMission:
 
     Success: 80 % of the way that the recorded driver made, within the time that it took (at most 30 s), without a
     violation; scores take that way for the expert's. Failure: a violation, or less. Others do not react: somebody who
-    runs into the ego from behind is not its fault by the rule. Signals show green; where a route enters and leaves the
-    map its edge does not count.
+    runs into the ego from behind is not its fault by the rule. Signals show what the map's programs say at the time of
+    the record, and green where it has none; where a route enters and leaves the map its edge does not count.
     """
 
     scene: RecordedScene
@@ -66,7 +66,8 @@ class RecordedMission:
             float(_station(corridor, recording.position[k, start.index], float(recording.heading[k, start.index])))
             for k in (start.first, last)
         )
-        world = world_of(others, scene.graph, ego=ego, link=start.link, replay=replay, time=start.first * recording.dt)
+        now = start.first * recording.dt
+        world = world_of(others, ego=ego, link=start.link, replay=replay, signals=scene.signals, time=now)
         asked = {
             "goal": first + max(ENOUGH * (end - first), LEAST),
             "limit": min((start.steps - 1) * recording.dt, LONGEST),

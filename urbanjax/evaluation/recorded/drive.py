@@ -12,20 +12,16 @@ from urbanjax.evaluation import collisions, metrics
 from urbanjax.evaluation.collisions import Collision, Contact
 from urbanjax.evaluation.recorded import goals
 from urbanjax.evaluation.recorded.scenes import RecordedScene, stacked
+from urbanjax.evaluation.recorded.worlds import world_of
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.roadmap.corridor import Corridor
-from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.progress import progress
 from urbanjax.rollout import LoopParams, rollout
 from urbanjax.sim import lanes as tables
-from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
-from urbanjax.sim.replay import Replay
-from urbanjax.sim.scenarios.scenario import traffic
-from urbanjax.sim.signals import always_green
 from urbanjax.sim.world import WorldState
-from urbanjax.types import VehicleState, as_arrays, host_record
+from urbanjax.types import as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 INSIDE = 1.0  # m from the edge of the road, where nobody knows where that is: up to here from the ends of the map
@@ -90,35 +86,10 @@ def worlds_of(loop: LoopParams, scene: RecordedScene) -> WorldState:
     for k, start in enumerate(scene.starts):
         ego, replay = jax.tree.map(lambda x, k=k: x[k], (scene.ego, scene.replay))
         time = start.first * scene.recording.dt
-        worlds.append(world_of(loop.sim.traffic, scene.graph, ego=ego, link=start.link, replay=replay, time=time))
+        worlds.append(
+            world_of(loop.sim.traffic, ego=ego, link=start.link, replay=replay, signals=scene.signals, time=time)
+        )
     return stacked(worlds)
-
-
-def world_of(
-    params: TrafficParams, graph: RoadGraph, *, ego: VehicleState, link: int, replay: Replay | None, time: float
-) -> WorldState:
-    """A world of recorded road users only, all signals green.
-
-    Args: params, of the traffic that there is not; graph, the road graph; ego, its state; link, that it is on; replay,
-    the road users (None: nobody); time [s] of the record.
-    """
-    nobody = traffic(
-        jnp.zeros(1, jnp.int32),
-        jnp.zeros(1),
-        speed=jnp.zeros(1),
-        limit=1.0,  # of nobody: the only vehicle is not valid
-        params=params,
-        valid=jnp.zeros(1, bool),
-    )
-    return WorldState(
-        ego=ego,
-        ego_link=jnp.asarray(link, jnp.int32),
-        traffic=nobody,
-        signals=always_green(graph.n_signals),
-        time=as_arrays(jnp.asarray(time)),
-        count=jnp.asarray(0, jnp.int32),
-        replay=replay,
-    )
 
 
 def _all(

@@ -1,6 +1,7 @@
 """Who is replaced in a recording, and where they start (host side)."""
 
 import contextlib
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from urbanjax.roadmap.matching import match, near
 from urbanjax.roadmap.route import Route
 from urbanjax.sim.recording import Recording
 from urbanjax.sim.replay import Replay
+from urbanjax.sim.signals import SignalCycle, SignalPhases, phases, stated
 from urbanjax.types import RoadUser, RouteError, VehicleState, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
@@ -54,6 +56,17 @@ class RecordedScene:
     replay: Replay  # [E, ...], without the ego itself
     ego: VehicleState  # [E, ...]
     vehicle: VehicleParams  # [E, ...]
+    cycles: tuple[SignalCycle | None, ...]  # of each signal, None where the map has none
+
+    @property
+    def signals(self) -> SignalPhases:
+        """By the map's programs; those without one are green."""
+        return phases(self.cycles, self.graph.n_signals)
+
+    @property
+    def with_program(self) -> int:
+        """How many signals the map has a program for; the other ones are shown green."""
+        return sum(map(stated, self.cycles))
 
 
 def prepare(
@@ -64,11 +77,12 @@ def prepare(
     params: CorridorParams,
     shortest: float,
     vehicle: VehicleParams | None = None,
+    cycles: Sequence[SignalCycle | None] = (),
 ) -> RecordedScene:
     """Every recorded motor vehicle that moves, lasts `shortest` s, and overlaps no other in the recording.
 
     Raises RouteError where there is none. Args: name, of the scene; graph, the road graph; recording, the road users;
-    shortest [s]; vehicle, the stack's own (default: the standard one).
+    shortest [s]; vehicle, the stack's own (default: the standard one); cycles, of the graph's signals (default: none).
     """
     starts, left_out = [], {}
     touching = _overlapping(recording)
@@ -84,7 +98,8 @@ def prepare(
             starts.append(replaced(graph, recording, vehicle=v))
         except RouteError as error:
             left_out[label] = str(error)
-    return _scene(name, graph, recording, starts, left_out, params, vehicle)
+    scene = _scene(name, graph, recording, starts, left_out, params, vehicle)
+    return dataclasses.replace(scene, cycles=tuple(cycles))
 
 
 def replaced(graph: RoadGraph, recording: Recording, *, vehicle: int) -> EgoStart:
@@ -123,12 +138,14 @@ def problems(
     tasks: Sequence[PlanningProblem],
     params: CorridorParams,
     vehicle: VehicleParams | None = None,
+    cycles: Sequence[SignalCycle | None] = (),
 ) -> RecordedScene:
     """Planning problems among recorded traffic, each driven as long as its goals or the recording last.
 
     The goal is a link of a goal, or the nearest one to its region; a problem without either goes on along its lane.
     Raises RouteError where there is none. Args: name, of the scene; graph, the road graph; recording, the road users;
-    tasks, the planning problems; vehicle, the stack's own (default: the standard one).
+    tasks, the planning problems; vehicle, the stack's own (default: the standard one); cycles, of the graph's signals
+    (default: none).
     """
     starts, left_out = [], {}
     for problem in tasks:
@@ -136,7 +153,8 @@ def problems(
             starts.append(posed(graph, recording, problem=problem))
         except RouteError as error:
             left_out[str(problem.id)] = str(error)
-    return _scene(name, graph, recording, starts, left_out, params, vehicle)
+    scene = _scene(name, graph, recording, starts, left_out, params, vehicle)
+    return dataclasses.replace(scene, cycles=tuple(cycles))
 
 
 def posed(graph: RoadGraph, recording: Recording, *, problem: PlanningProblem) -> EgoStart:
@@ -190,6 +208,7 @@ def _scene(
         replay=stacked([replay_without(recording, start.index) for start in starts]),
         ego=stacked([ego_of(*pair) for pair in zip(starts, vehicles, strict=True)]),
         vehicle=stacked(vehicles),
+        cycles=(),
     )
 
 

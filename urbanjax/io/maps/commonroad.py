@@ -8,9 +8,10 @@ import numpy as np
 
 from urbanjax.io.maps.lanes import assemble, may_cross
 from urbanjax.io.maps.obstacles import planning_problems, recording
-from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.io.maps.xml import FARTHEST, LASTS, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
+from urbanjax.sim.signals import SignalCycle
 from urbanjax.types import SignalState
 
 STEPS = (1e-4, 1e3)  # s, a time step
@@ -24,6 +25,7 @@ RAMPS = {"accessRamp", "exitRamp"}
 UNDRIVABLE = {"crosswalk", "sidewalk", "bicycleLane", "border", "parking"}
 DRIVERS = {"vehicle", "car", "truck", "bus", "motorcycle", "priorityVehicle", "taxi"}
 COLOURS = {"red": SignalState.RED, "redYellow": SignalState.RED, "yellow": SignalState.YELLOW}
+COLOURS |= {"green": SignalState.GREEN, "inactive": SignalState.UNKNOWN}
 TURNS = {"successorsLeft": Turn.LEFT, "successorsStraight": Turn.STRAIGHT, "successorsRight": Turn.RIGHT}
 
 
@@ -212,7 +214,9 @@ def _cycle(xml: Xml, light: Element, dt: float) -> SignalCycle | None:
     for phase in cycle.findall("cycleElement"):
         durations.append(xml.number(light, xml.text(phase, "duration", light), "duration", 0.0, LASTS) * dt)
         colour = xml.text(phase, "color", light)
-        states.append(int(COLOURS.get(colour, SignalState.GREEN if colour == "green" else SignalState.UNKNOWN)))
+        if colour not in COLOURS:
+            raise xml.fail(light, f"a phase has the colour {colour!r}, expected one of {', '.join(COLOURS)}")
+        states.append(int(COLOURS[colour]))
     offset = xml.number(light, cycle.findtext("timeOffset", "0"), "timeOffset", 0.0, FARTHEST) * dt
     if sum(durations) <= 0:
         raise xml.fail(light, "its cycle has no duration")

@@ -10,6 +10,7 @@ import numpy as np
 from urbanjax.evaluation.recorded.planning_problem import PlanningProblem
 from urbanjax.io.maps.xml import MapError
 from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
+from urbanjax.sim.signals import SignalCycle
 from urbanjax.types import host_record
 
 
@@ -58,7 +59,7 @@ class RoadMap:
     lanes: tuple[MapLane, ...]  # as stated, with those that became no link
     faults: tuple[MapFault, ...] = ()  # what was left out on the way to the graph
     signal_ids: tuple[Any, ...] = ()  # signal of each of the graph's signal numbers
-    cycles: tuple[Any, ...] = ()  # `SignalCycle` of each signal, None where the map has none
+    cycles: tuple[SignalCycle | None, ...] = ()  # of each signal, None where the map has none
     recording: Any = None  # a `Recording`, None where the map carries no traffic
     problems: tuple[PlanningProblem, ...] = ()
     geo: tuple[float, float] | None = None  # deg, latitude and longitude of map coordinates (0, 0), where projected
@@ -69,12 +70,3 @@ class RoadMap:
         if lane not in self.ids:
             raise MapError(f"{self.path}: lane {lane!r} is no link of the map's graph")
         return self.ids.index(lane)
-
-
-@host_record
-class SignalCycle:
-    """A fixed-time program of one signal."""
-
-    duration: tuple[float, ...]  # s
-    state: tuple[int, ...]  # a SignalState each
-    offset: float = 0.0  # s, when the first phase begins

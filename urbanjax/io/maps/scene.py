@@ -11,9 +11,9 @@ import numpy as np
 
 from urbanjax.course import Course
 from urbanjax.evaluation.recorded import goals, scenes
-from urbanjax.evaluation.recorded.drive import world_of
 from urbanjax.evaluation.recorded.routes import find_route
 from urbanjax.evaluation.recorded.scenes import EgoStart
+from urbanjax.evaluation.recorded.worlds import world_of
 from urbanjax.io.maps.reading import read
 from urbanjax.io.maps.road import RoadMap
 from urbanjax.numerics.compiling import compiler_options
@@ -25,6 +25,7 @@ from urbanjax.sim.checks import check_one
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log, check
 from urbanjax.sim.recording import record
+from urbanjax.sim.signals import phases
 from urbanjax.sim.world import WorldState
 from urbanjax.types import ConfigError, RouteError, ScenarioError, as_arrays, host_record
 from urbanjax.types.arguments import kind, number
@@ -94,13 +95,13 @@ def scene(
 ) -> Scene:
     """A drive on a map, by what the map calls things: a planning problem, a recorded vehicle's place, or a lane.
 
-    Recorded road users move as they did, signals are green. Without a choice it is the first planning problem. A
-    recorded vehicle keeps its size; that of a problem is the one of `params`; on a lane the drive begins at its start,
-    standing. Args: map, as read, or its file; problem, its place in the file from 0 or its id; vehicle, id of a
-    recorded one that the stack drives in the place of; lane, id of one to start on, and goal, of one to reach (default:
-    on along the lane); duration [s] (default: of the record, to the latest goal, or 20); params, of the loop (default:
-    at the recording's period). After the record none of its road users is there. Raises ScenarioError for what the map
-    does not have, RouteError where there is no way.
+    Recorded road users move as they did; signals show what the map's programs say, and green where it has none.
+    Without a choice it is the first planning problem. A recorded vehicle keeps its size; that of a problem is the one
+    of `params`; on a lane the drive begins at its start, standing. Args: map, as read, or its file; problem, its place
+    in the file from 0 or its id; vehicle, id of a recorded one that the stack drives in the place of; lane, id of one
+    to start on, and goal, of one to reach (default: on along the lane); duration [s] (default: of the record, to the
+    latest goal, or 20); params, of the loop (default: at the recording's period). After the record none of its road
+    users is there. Raises ScenarioError for what the map does not have, RouteError where there is no way.
     """
     found = map if isinstance(map, RoadMap) else read(map)
     if params is not None:
@@ -125,10 +126,10 @@ def scene(
     replay = None if found.recording is None else scenes.replay_without(found.recording, start.index)
     world = world_of(
         loop.sim.traffic,
-        found.graph,
         ego=scenes.ego_of(start, own),
         link=start.link,
         replay=replay,
+        signals=phases(found.cycles, found.graph.n_signals),
         time=start.first * period,
     )
     return Scene(

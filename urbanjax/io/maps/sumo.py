@@ -8,9 +8,10 @@ import numpy as np
 
 from urbanjax.io.maps.centre import borders
 from urbanjax.io.maps.lanes import assemble
-from urbanjax.io.maps.road import MapFault, MapLane, RoadMap, SignalCycle
+from urbanjax.io.maps.road import MapFault, MapLane, RoadMap
 from urbanjax.io.maps.xml import LASTS, SPEED_LIMITS, Element, Xml
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
+from urbanjax.sim.signals import SignalCycle
 from urbanjax.types import SignalState, host_record
 
 WIDTH = 3.2  # m, of lanes that state none
