@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare
+from urbanjax.evaluation.recorded.scenes import RecordedScene, prepare, problems
 from urbanjax.io import maps
 from urbanjax.io.files import data_folder
 from urbanjax.io.maps import RoadMap
@@ -12,6 +12,7 @@ from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.types import ConfigError
 from urbanjax.vehicle.params import VehicleParams
 
+EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
 SAME = 1e-6  # s, by which periods may differ
 
 
@@ -43,21 +44,19 @@ def read(path: Path, period: float, *, key: str) -> RoadMap:
     return road
 
 
-def drivers(road: RoadMap, corridor: CorridorParams, *, shortest: float, vehicle: VehicleParams) -> RecordedScene:
-    """The scene with a start in the place of every recorded driver.
+def scene_of(
+    road: RoadMap, corridor: CorridorParams, *, egos: str, shortest: float, vehicle: VehicleParams
+) -> RecordedScene:
+    """The scene with a start in the place of every recorded driver, or one for every planning problem.
 
-    Args: road, with its recording; corridor, along routes; shortest [s], that a record must last; vehicle, the ego's.
+    Args: road, with its recording; corridor, along routes; egos, one of EGOS; shortest [s], that the record of a driver
+    must last; vehicle, the ego's.
     """
     assert road.recording is not None
-    return prepare(
-        road.path.stem,
-        road.graph,
-        recording=road.recording,
-        params=corridor,
-        shortest=float(shortest),
-        vehicle=vehicle,
-        cycles=road.cycles,
-    )
+    how: dict[str, Any] = {"params": corridor, "vehicle": vehicle, "cycles": road.cycles}
+    if egos == "problems":
+        return problems(road.path.stem, road.graph, recording=road.recording, tasks=road.problems, **how)
+    return prepare(road.path.stem, road.graph, recording=road.recording, shortest=float(shortest), **how)
 
 
 def signals(scenes: Sequence[RecordedScene]) -> dict[str, list[Any]]:

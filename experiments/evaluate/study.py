@@ -33,7 +33,7 @@ DRIVEN = (
     *("missions", "scenes", "drivers", "traffic", "seeds", "seed", "epdms", "worst", "resume"),
     *("logs", "coordinator", "process", "processes"),
 )
-OF_SCENES = ("folder", "shortest", "corridor")
+OF_SCENES = ("folder", "egos", "corridor")
 WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
 
 
@@ -49,6 +49,9 @@ class EvaluateStudy(LoopParams):
             Unread("no mission is drawn, see 'missions'", lambda p: p.replay or p.run or not p.missions),
         ),
         **dict.fromkeys(OF_SCENES, Unread("no recording is driven in, see 'scenes'", lambda p: not p.scenes)),
+        "shortest": Unread(
+            "nobody recorded is replaced, see 'scenes' and 'egos'", lambda p: not p.scenes or p.egos == "problems"
+        ),
         "stack": Unread(
             "the stack does not drive, see 'drivers', 'replay' and 'run'",
             lambda p: p.replay or p.run or not {"stack", "blind"} & set(p.drivers),
@@ -70,6 +73,7 @@ class EvaluateStudy(LoopParams):
     )
     scenes: tuple[str, ...] = static(default=())  # recordings (CommonRoad), driven in with traffic 'replay'
     folder: str = static(default="", metadata={"path": True})  # of them, by default that of the data beside
+    egos: str = static(default="vehicles", metadata={"choices": recordings.EGOS})  # who is driven there
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a recorded drive lasts
     corridor: CorridorParams = CorridorParams()  # along recorded routes
     drivers: tuple[str, ...] = static(default=("stack",), metadata={"choices": tuple(DRIVERS)})
@@ -109,11 +113,16 @@ def jobs_of(study: EvaluateStudy, asked: Asked, traffic: str) -> list[Job]:
 
 
 def missions_of(study: EvaluateStudy) -> Asked:
-    """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in."""
+    """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in.
+
+    Raises ScenarioError for a planning problem whose goal is no station of its route.
+    """
     found: Asked = {name: MISSIONS[name] for name in study.missions}
     for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
         road = recordings.read(path, study.period, key="scenes")
-        scene = recordings.drivers(road, study.corridor, shortest=study.shortest, vehicle=study.vehicle)
+        scene = recordings.scene_of(
+            road, study.corridor, egos=study.egos, shortest=study.shortest, vehicle=study.vehicle
+        )
         found[scene.name] = recorded_mission(scene)
     if not found:
         raise ConfigError("nothing is asked: name 'missions' or 'scenes'")

@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from urbanjax import stack
 from urbanjax.course import Course, course_between
-from urbanjax.evaluation.recorded import drive, scenes
+from urbanjax.evaluation.missions.recorded import recorded_mission
+from urbanjax.evaluation.recorded import scenes
 from urbanjax.io import maps
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.numerics.soft import Relaxation
@@ -123,11 +125,9 @@ def _scene(study: PlanStudy) -> tuple[LoopParams, Course, LaneTables, WorldState
     if study.ego and wanted not in names:
         raise ConfigError(f"'ego' {wanted} cannot be replaced in {study.file}: use one of {', '.join(names)}")
     k = names.index(wanted) if study.ego else 0
-    lanes = tables.from_graph(scene.graph)
-    corridor, world, vehicle = jax.tree.map(
-        lambda x: x[k], (scene.corridor, drive.worlds_of(loop, scene), scene.vehicle)
-    )
-    return loop.replace(vehicle=vehicle), Course(scene.graph, corridor), lanes, world
+    case = recorded_mission(scene, endless=True).case(k, others=loop.sim.traffic, vehicle=loop.vehicle)
+    case = jax.tree.map(jnp.asarray, case)
+    return loop.replace(vehicle=case.vehicle), case.course, case.lanes, case.start
 
 
 def _plan(

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.recorded.driving import Drive
 from experiments.recorded.table import scenes_of
-from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.evaluation.recorded.scenes import RecordedScene
 from urbanjax.io.figures.roads import draw_boxes, draw_road
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import ClassVar
 
 from experiments.common import recordings
-from urbanjax.evaluation.recorded.drive import Drive, drive
-from urbanjax.evaluation.recorded.scenes import RecordedScene, problems
+from experiments.recorded.driving import Drive, drive
+from urbanjax.evaluation.recorded.scenes import RecordedScene
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.rollout import LoopParams
 from urbanjax.types import ConfigError, Unread, field, pytree, static
 
-EGOS = ("vehicles", "problems")  # every recorded vehicle, or the planning problems of the files
 NGSIM = ("USA_US101-3_3_T-1", "USA_US101-4_1_T-1", "USA_US101-5_1_T-1", "USA_Lanker-1_1_T-1", "USA_Peach-4_8_T-1")
 
 SIMULATED = ("sim.traffic", "sim.reaction", "sim.lane_changes")  # what recorded road users have no use for
@@ -29,7 +28,7 @@ class RecordedStudy(LoopParams):
     corridor: CorridorParams = CorridorParams()
     shortest: float = field(default=3.0, metadata={"range": (0.2, 1e4)})  # s that a record must last
     folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
-    egos: str = static(default="vehicles", metadata={"choices": EGOS})
+    egos: str = static(default="vehicles", metadata={"choices": recordings.EGOS})
     files: tuple[str, ...] = static(default=NGSIM)  # names, with or without .xml
 
 
@@ -44,17 +43,6 @@ def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tup
     """One recording and all drives in it."""
     tick(f"{path.stem}: map and routes")
     road = recordings.read(path, study.period, key="files")
-    if study.egos == "problems":
-        scene = problems(
-            path.stem,
-            road.graph,
-            recording=road.recording,
-            tasks=road.problems,
-            params=study.corridor,
-            vehicle=study.vehicle,
-            cycles=road.cycles,
-        )
-    else:
-        scene = recordings.drivers(road, study.corridor, shortest=study.shortest, vehicle=study.vehicle)
+    scene = recordings.scene_of(road, study.corridor, egos=study.egos, shortest=study.shortest, vehicle=study.vehicle)
     tick(f"{path.stem}: {len(scene.starts)} drives")
-    return scene, drive(study.loop(), scene)
+    return scene, list(drive(study.loop(), scene))

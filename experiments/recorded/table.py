@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from experiments.recorded.driving import Drive
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.collisions import Contact
-from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.evaluation.statistics import WithInterval
 
 ALL = "all"

@@ -11,7 +11,8 @@ from tests.experiments.test_recorded import recording
 from urbanjax.drivers import ConstantVelocity, IdmDriver
 from urbanjax.evaluation.batch import Job, case_of, outcomes
 from urbanjax.evaluation.missions.recorded import recorded_mission
-from urbanjax.evaluation.recorded.scenes import prepare
+from urbanjax.evaluation.recorded.planning_problem import Goal, PlanningProblem, Region
+from urbanjax.evaluation.recorded.scenes import prepare, problems
 from urbanjax.roadmap.builders import straight
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.corridor import CorridorParams
@@ -36,8 +37,12 @@ def by_program(mission, *cycles):
 
 
 @pytest.fixture(scope="module")
-def mission():
-    graph = signalled(straight(2, 600.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0, section=150.0)))
+def graph():
+    return signalled(straight(2, 600.0, style=RoadStyle(lane_width=3.5, speed_limit=14.0, section=150.0)))
+
+
+@pytest.fixture(scope="module")
+def recorded():
     rows = [
         ("ego", 60.0, 0.0, 10.0, 0, 40),
         ("blocked", 20.0, 3.5, 10.0, 5, 40),
@@ -45,8 +50,19 @@ def mission():
         ("walks", 90.0, -2.0, 1.0, 0, 40),
         ("rides", 120.0, 0.0, 4.0, 0, 40),
     ]
-    made = dataclasses.replace(recording(rows), kind=("car", "car", "truck", "pedestrian", "bicycle"))
-    return recorded_mission(prepare("made_up", graph, recording=made, params=CorridorParams(spacing=2.0), shortest=3.0))
+    return dataclasses.replace(recording(rows), kind=("car", "car", "truck", "pedestrian", "bicycle"))
+
+
+@pytest.fixture(scope="module")
+def mission(graph, recorded):
+    scene = prepare("made_up", graph, recording=recorded, params=CorridorParams(spacing=2.0), shortest=3.0)
+    return recorded_mission(scene)
+
+
+def posed(graph, recorded, *goals):
+    """One problem for each goal: from x = 30 m in the right lane at 10 m/s."""
+    tasks = [PlanningProblem(k, (30.0, 0.0), 0.0, 10.0, 0.0, (goal,)) for k, goal in enumerate(goals)]
+    return problems("made_up", graph, recording=recorded, tasks=tasks, params=CorridorParams(spacing=1.0))
 
 
 def test_motor_vehicles_are_replaced_and_the_others_are_what_they_are(mission):
@@ -102,3 +118,45 @@ def test_signals_with_and_without_a_program_are_counted_by_scene(mission):
         "signals by the map's program": [0, 1],
         "signals shown green": [1, 0],
     }
+
+
+def test_a_problem_is_solved_by_a_drive_that_reaches_all_that_its_goal_names(graph, recorded):
+    here, left = (Region((50.0, y), length=6.0, width=2.0) for y in (0.0, 3.5))
+    goals = {
+        "passed at once": (Goal(regions=(here,), time=(0.0, 15.0)), True),
+        "in time": (Goal(regions=(here,), time=(1.8, 2.2), speed=(9.0, 11.0), heading=(-0.1, 0.1)), True),
+        "either": (Goal(regions=(left, here)), True),
+        "left again": (Goal(regions=(here,), time=(3.0, 4.0)), False),
+        "in the other lane": (Goal(regions=(left,), time=(0.0, 4.0)), False),
+        "too fast": (Goal(regions=(here,), speed=(0.0, 5.0)), False),
+        "turned": (Goal(regions=(here,), heading=(3.0, 3.2)), False),
+    }
+    found = recorded_mission(posed(graph, recorded, *(goal for goal, _ in goals.values())))
+    rows = [one.row for one in outcomes(LOOP, [Job(found, k) for k in range(7)], traffic="replay", chunk=8)]
+    assert {name: bool(row["competition_reached"]) for name, row in zip(goals, rows, strict=True)} == {
+        name: reached for name, (_, reached) in goals.items()
+    }
+    assert [row["success"] for row in rows] == [True] * 3 + [False] * 4
+    np.testing.assert_allclose([row["way_m"] for row in rows[:3]], [17.0, 18.0, 17.0], atol=0.05)
+    np.testing.assert_allclose([row["nuplan_progress"] for row in rows[:2]], 1.0, atol=0.01)
+    np.testing.assert_allclose(found.goal[0], 47.0, atol=1.01)  # the route is sampled every metre
+
+
+@pytest.mark.parametrize(
+    ("goal", "message"),
+    [
+        (Goal(time=(0.0, 3.0)), "problem 0: a goal names no place"),
+        (Goal(lanes=(7,)), "problem 0: a goal names lanes that cannot be driven"),
+        (Goal(regions=(Region((50.0, 90.0), radius=2.0),)), "problem 0: no goal is a station of the route"),
+        (Goal(links=(1,), time=(31.0, 40.0)), "problem 0: its goals begin after 30 s"),
+    ],
+)
+def test_a_goal_that_is_no_station_of_the_route_is_refused_with_the_reason(graph, recorded, goal, message):
+    with pytest.raises(ScenarioError, match=rf"made_up: {message}.*; leave the recording out"):
+        recorded_mission(posed(graph, recorded, goal))
+
+
+def test_a_drive_without_an_end_lasts_as_long_as_its_record(mission):
+    endless = recorded_mission(mission.scene, endless=True)
+    (one,) = outcomes(LOOP, [Job(endless, 0)], traffic="replay", chunk=4)
+    np.testing.assert_allclose([one.row["way_m"], one.row["duration_s"]], [40.0, 4.0], rtol=1e-3)

@@ -6,8 +6,10 @@ import json
 import numpy as np
 import pytest
 
+from experiments.common import recordings
 from experiments.evaluate import driving, replay, report, study, tables
 from experiments.evaluate.study import EvaluateStudy
+from tests.io.maps import texts
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.runs import directory
 from urbanjax.types import ConfigError
@@ -114,6 +116,16 @@ def test_drivers_are_told_apart_and_take_their_own_keys():
     assert [(job.mission.name, job.seed) for job in jobs] == [
         (name, seed) for name in ("cut_in", "overtake") for seed in (5, 6, 7)
     ]
+
+
+def test_recordings_are_asked_for_by_their_drivers_or_by_their_problems(tmp_path):
+    (tmp_path / "crossing.xml").write_text(texts.COMMONROAD)
+    params = EvaluateStudy(missions=(), scenes=("crossing",), folder=str(tmp_path), traffic=("replay",), shortest=0.2)
+    for egos, names in (("vehicles", ["100"]), ("problems", ["problem 200"])):
+        (one,) = study.missions_of(dataclasses.replace(params, egos=egos)).values()
+        assert [start.name for start in one.scene.starts] == names
+        assert [job.seed for job in study.jobs_of(params, {"crossing": one}, "replay")] == [0]
+        assert recordings.signals([one.scene])["signals by the map's program"] == [1]
 
 
 def test_what_is_known_of_a_run_is_not_driven_again(monkeypatch):

@@ -6,12 +6,12 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.recorded import figures, study, table
+from experiments.recorded import driving, figures, study, table
+from experiments.recorded.driving import Drive
 from experiments.recorded.study import RecordedStudy
+from urbanjax.drivers import ConstantVelocity
 from urbanjax.evaluation.collisions import Contact
-from urbanjax.evaluation.recorded import drive as driving
 from urbanjax.evaluation.recorded import goals, routes, scenes
-from urbanjax.evaluation.recorded.drive import Drive
 from urbanjax.io.maps import Goal, PlanningProblem, Recording, Region, RoadMap
 from urbanjax.planning.situation import SituationParams
 from urbanjax.roadmap import matching
@@ -189,12 +189,29 @@ def test_the_stack_drives_among_them(scene):
         },
     )
     (found,) = driving.drive(LoopParams(stack=stack, sim=SimParams(n_objects=4)), one)
+    assert found.reached is None
     assert found.contact == Contact.NONE
     assert not found.off_road
     assert found.human_way == pytest.approx(40.0, abs=0.5)
     assert 30.0 < found.way < 55.0
     assert len(found.speed) == STEPS
     np.testing.assert_allclose(found.path[0], [60.0, 0.0, 0.0], atol=0.05)
+
+
+def test_who_keeps_its_speed_makes_the_way_of_one_who_did_to_the_last_step(graph):
+    rows = [("ego", 60.0, RIGHT, 10.0, 0, 50), ("ahead", 95.0, RIGHT, 10.0, 0, 50)]
+    known = recording(rows, steps=51)
+    known.speed[:, 0] = 20.0  # at which the ego begins, and runs into who is ahead
+    params = CorridorParams(spacing=2.0)
+    scene = scenes.prepare("made_up", graph, recording=known, params=params, shortest=3.0)
+    ego, ahead = driving.drive(LoopParams(driver=ConstantVelocity()), scene)
+    assert [len(one.speed) for one in (ego, ahead)] == [51, 51]
+    assert [one.way for one in (ego, ahead)] == pytest.approx([100.0, 50.0], abs=0.02)
+    assert [one.human_way for one in (ego, ahead)] == pytest.approx([50.0, 50.0], abs=0.02)
+    np.testing.assert_allclose(ahead.path, ahead.human_path, atol=0.01)
+    assert (ahead.contact, ahead.contact_time) == (Contact.NONE, None)
+    assert (ego.contact, ego.at_fault, ego.contact_with) == (Contact.FRONT, True, "ahead")
+    assert ego.contact_time == pytest.approx((35.0 - 4.8) / 10.0, abs=0.1)
 
 
 def made(scene="a", name="1", way=50.0, human=40.0, contact=Contact.NONE, at_fault=False, off=False, speed=None):

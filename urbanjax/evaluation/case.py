@@ -3,6 +3,7 @@
 from jax import Array
 
 from urbanjax.course import Course
+from urbanjax.evaluation.aim import Aim
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.world import WorldState
@@ -20,6 +21,7 @@ class Case:
     goal: Array  # [] m, station of the route that the ego's box centre has to pass
     limit: Array  # [] s, within which
     vehicle: VehicleParams | None = None  # that drives; None: that of the closed loop
+    aim: Aim | None = None  # what counts as having reached the goal instead of passing its station
 
     @property
     def course(self) -> Course:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from urbanjax.evaluation.aim import arrived
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.metrics import tracks
 from urbanjax.geometry.boxes import box, overlap
@@ -68,7 +69,7 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
     )
     lane = _lane(case, place, ego, log.offset)
     time = log.time - log.time[0]
-    passed = place.station >= case.goal
+    passed = at_goal(log, case, station=place.station, ego=ego)
     earlier = jnp.concatenate([jnp.zeros((1,), bool), jnp.cumsum(passed)[:-1] > 0])
     alive = ~earlier & (time <= case.limit + ROUNDING)
     touches = _touches(ego, others) & alive[:, None]
@@ -97,6 +98,16 @@ def facts(log: Log, case: Case, *, vehicle: VehicleParams) -> Facts:
         limit=case.limit,
         reached=jnp.any(passed & alive),
     )
+
+
+def at_goal(log: Log, case: Case, *, station: Float[Array, " t"], ego: Objects) -> Bool[Array, " t"]:
+    """In which steps the goal is reached: passed on the route, or in all that the case's aim asks for.
+
+    Args: log [T], of one run or a part of it; case, not stacked; station [T] m, of the box centre; ego [T], its box.
+    """
+    if case.aim is None:
+        return station >= case.goal
+    return arrived(case.aim, time=log.time, position=ego.position, heading=ego.heading, speed=ego.speed)
 
 
 def _mapped(corridor: Corridor, place: Progress, vehicle: VehicleParams) -> Bool[Array, " t"]:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from urbanjax.drivers import PdmDriver
 from urbanjax.evaluation.case import Case
-from urbanjax.evaluation.facts import facts
+from urbanjax.evaluation.facts import ROUNDING, at_goal, facts
 from urbanjax.evaluation.scores import epdms_windows
 from urbanjax.evaluation.verdict import judge
 from urbanjax.numerics.compiling import compiler_options
@@ -49,8 +49,8 @@ def segment(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, 
         own = _own(loop, case)
         after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
         seen = facts(log, case, vehicle=own.vehicle)
-        late = after.world.time - case.start.time > case.limit
-        return after, log, ~jnp.any(seen.station >= case.goal) & ~late
+        late = after.world.time - case.start.time > case.limit + ROUNDING
+        return after, log, ~jnp.any(at_goal(log, case, station=seen.station, ego=seen.ego)) & ~late
 
     return jax.vmap(one)(cases, now)
 
@@ -100,7 +100,7 @@ def epdms_columns(loop: LoopParams, cases: Case, *, logs: Log, theirs: Log) -> d
     def one(case: Case, log: Log, theirs: Log) -> dict[str, jax.Array]:
         vehicle = _own(loop, case).vehicle
         endless = dataclasses.replace(
-            case, goal=jnp.full_like(case.goal, jnp.inf), limit=jnp.full_like(case.limit, jnp.inf)
+            case, goal=jnp.full_like(case.goal, jnp.inf), limit=jnp.full_like(case.limit, jnp.inf), aim=None
         )
         found = epdms_windows.driven(
             facts(log, case, vehicle=vehicle),

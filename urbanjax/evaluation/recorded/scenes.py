@@ -147,6 +147,8 @@ def problems(
     tasks, the planning problems; vehicle, the stack's own (default: the standard one); cycles, of the graph's signals
     (default: none).
     """
+    if not tasks:
+        raise RouteError(f"{name}: holds no planning problem; drive in the place of its drivers")
     starts, left_out = [], {}
     for problem in tasks:
         try:
