@@ -1,28 +1,54 @@
 """Missions are what their docstrings say: drawn from seeds, on roads of one shape, nobody in the way at once."""
 
+import functools
+import inspect
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from urbanjax.evaluation.metrics import overlaps
-from urbanjax.evaluation.missions import HARD, MISSIONS, QUALIFICATION
-from urbanjax.evaluation.missions.mission import LONGEST
-from urbanjax.evaluation.traffic import MANNERS, mannered, mannered_sim
+from urbanjax.evaluation.missions import HARD, MISSIONS, QUALIFICATION, hard, qualification
+from urbanjax.evaluation.missions.mission import LONGEST, Mission
 from urbanjax.roadmap.graph import RoadType, Rule, Turn
 from urbanjax.sim import agents
 from urbanjax.sim.agents import TrafficParams
+from urbanjax.sim.scenarios.casts import COMFORT, START
 from urbanjax.sim.scenarios.stage import StageSize
-from urbanjax.sim.world import SimParams
 from urbanjax.types import Objects, RoadUser
 from urbanjax.vehicle.model import box_centre
 from urbanjax.vehicle.params import VehicleParams
 
 VEHICLE, OTHERS = VehicleParams(), TrafficParams()
 SEEDS = range(3)
+# Of each road the lanes in the ego's direction where it starts, those against it, and whether the way crosses others.
+ROADS = {
+    **dict.fromkeys(("overtake", "cut_in", "accident_vehicle", "congestion"), ({2, 3, 4}, {0}, False)),
+    **dict.fromkeys(("narrow_passage", "pedestrian"), ({2}, {0}, False)),
+    **dict.fromkeys(("unsignalised", "signal_straight", "signal_left", "signal_right"), ({1, 2}, {1, 2}, True)),
+    **dict.fromkeys(("oncoming_overtake", "double_parked"), ({1}, {1}, False)),
+    "lane_drop": ({2, 3}, {0}, False),
+    "roundabout": ({1}, {1}, True),
+    "tight_right": ({1}, {1}, True),
+    "district": ({2, 3, 4}, {0, 1, 2}, None),  # both
+}
+MAKERS = {
+    name: maker
+    for module in (qualification, hard)
+    for name, maker in inspect.getmembers(module, inspect.isfunction)
+    if maker.__module__ == module.__name__ and not name.startswith("_")
+}
+SUCCESS = r"Success: (\d+) m( behind the ring)?(?: at ([\d.]+) of the speed limit, plus (\d) s| within (\d+) s)"
 
 
+@functools.cache
 def case(name, seed):
+    return again(name, seed)
+
+
+def again(name, seed):
     return MISSIONS[name].case(seed, others=OTHERS, vehicle=VEHICLE)
 
 
@@ -54,8 +80,7 @@ def ahead(found):
 @pytest.mark.parametrize("name", MISSIONS)
 def test_a_seed_is_a_drive(name):
     found = [case(name, seed) for seed in SEEDS]
-    again = case(name, 0)
-    for one, other in zip(jax.tree.leaves(found[0]), jax.tree.leaves(again), strict=True):
+    for one, other in zip(jax.tree.leaves(found[0]), jax.tree.leaves(again(name, 0)), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len({float(one.start.ego.speed) for one in found}) == len(found)
     assert len({float(one.corridor.speed_limit[0]) for one in found}) > 1
@@ -65,6 +90,72 @@ def test_a_seed_is_a_drive(name):
         ego = one.start.ego
         assert 0 < float(ego.speed) <= float(one.corridor.speed_limit[40])
         assert not np.asarray(overlaps(boxes(one))).any()
+        asks_for_what_its_docstring_says(name, one)
+        has_its_road(name, one)
+    if ROADS[name] == ROADS["overtake"]:
+        assert any(lanes(one)[0] > 2 or np.abs(one.corridor.curvature[:150]).max() > 1e-3 for one in found)
+
+
+def asks_for_what_its_docstring_says(name, found):
+    way, ring, pace, slack, most = re.search(SUCCESS, MAKERS[name].__doc__).groups()
+    first, beyond = START + VEHICLE.centre_offset, float(found.goal) - float(way)
+    if ring:
+        inside = on_junctions(found)
+        assert inside[round(beyond)]
+        assert not inside[round(beyond) + 1 : round(float(found.corridor.length))].any()
+    else:
+        assert beyond == pytest.approx(first, abs=1e-3)
+    speed = float(found.corridor.speed_limit[round(START)])
+    limit = float(most) if most else min(float(way) / (float(pace) * speed) + float(slack), LONGEST)
+    assert float(found.limit) == pytest.approx(limit, rel=1e-5)
+
+
+def has_its_road(name, found):
+    own, against, crosses = ROADS[name]
+    there = lanes(found)
+    assert there[0] in own
+    assert there[1] in against
+    assert crosses in (None, on_junctions(found)[round(START) : round(float(found.goal))].any())
+    assert found.corridor.has_stop.any() == (name.startswith("signal_") or name == "district")
+    if name in ("oncoming_overtake", "double_parked"):
+        assert found.corridor.change[round(START), 2]  # that lane may be used to overtake
+
+
+def lanes(found):
+    """How many there are in the ego's direction where it starts, and against it."""
+    has, against = (x[round(START)] for x in (found.corridor.has_lane, found.corridor.oncoming))
+    return (has & ~against).sum(), (has & against).sum()
+
+
+def on_junctions(found):
+    """At which stations the route does."""
+    return found.lanes.graph.road_type[found.corridor.lane_link[:, found.corridor.route_lane]] == RoadType.JUNCTION
+
+
+def test_a_mission_is_made_by_the_function_of_its_name():
+    assert MAKERS.keys() == MISSIONS.keys() == ROADS.keys()
+    for name, maker in MAKERS.items():
+        made = maker()
+        assert isinstance(made, Mission)
+        assert (made.name, made.number, made.way, made.pace) == (
+            name,
+            MISSIONS[name].number,
+            MISSIONS[name].way,
+            MISSIONS[name].pace,
+        )
+
+
+@pytest.mark.parametrize("name", ["unsignalised", "signal_straight", "signal_left", "signal_right", "roundabout"])
+def test_others_come_from_other_legs_and_can_stop(name):
+    count = 0
+    for found in (case(name, seed) for seed in SEEDS):
+        them, graph = found.start.traffic, found.lanes.graph
+        link, count = them.link[them.valid], count + them.valid.sum()
+        assert not (graph.road_type[link] == RoadType.JUNCTION).any()
+        assert found.start.ego_link not in link
+        room = graph.length[link] - them.station[them.valid] - them.length[them.valid] / 2
+        assert (them.speed[them.valid] ** 2 / (2 * COMFORT) < room).all()
+    assert count >= 3
 
 
 def test_missions_share_a_program():
@@ -165,25 +256,7 @@ def test_hard_missions():
         way = np.asarray(walk.position[:, 0])
         assert np.linalg.norm(way[-1] - way[0]) > 9
         assert 1.1 < float(walk.speed.max()) < 2.1
-
-
-def test_manners():
-    world = case("overtake", 1).start
-    plain = world.traffic
-    for name in MANNERS:
-        one, again = (mannered(world, name, seed=5).traffic for _ in range(2))
-        for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(again), strict=True):
-            np.testing.assert_array_equal(a, b)
-            assert a.dtype == b.dtype
-    mixed, pushy = (mannered(world, name, seed=5).traffic for name in ("mixed", "assertive"))
-    assert len(np.unique(mixed.headway)) > 1
-    assert np.all(pushy.headway < plain.headway)
-    reacts = plain.reacts
-    assert np.all(pushy.desired_speed[reacts] > plain.desired_speed[reacts])
-    np.testing.assert_array_equal(pushy.desired_speed[~reacts], plain.desired_speed[~reacts])
-    assert not np.any(mixed.changes & ~plain.reacts)
-    assert mannered_sim(SimParams(), "non_yielding").reaction.margin > 100
-    assert mannered_sim(SimParams(), "idm") == SimParams()
+    assert any(case("pedestrian", seed).start.traffic.valid.any() for seed in SEEDS)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
