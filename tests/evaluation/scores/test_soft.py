@@ -1,6 +1,7 @@
 """The soft twins of all scores: their gradients, and what they tend to."""
 
 import dataclasses
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -117,3 +118,9 @@ def test_straight_through_has_the_value_of_hard(twin):
     for spec in dataclasses.fields(hard):
         found, wanted = (np.asarray(getattr(x, spec.name), float) for x in (through, hard))
         np.testing.assert_allclose(found, wanted, rtol=twin.rtol, atol=1e-5, err_msg=spec.name)
+
+
+def test_every_score_has_a_twin_here():
+    """But for the smooth one, whose gradient is tested with the metrics."""
+    files = {path.stem for path in Path(epdms.__file__).parent.glob("*.py")}
+    assert files - {"__init__", "smooth", "epdms_terms", "epdms_windows"} == TWINS.keys()
