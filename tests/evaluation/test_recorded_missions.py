@@ -78,10 +78,20 @@ def test_a_case_asks_for_most_of_the_recorded_way_in_its_time(mission):
     start = mission.scene.starts[1]
     assert (start.first, start.steps) == (5, 36)
     np.testing.assert_allclose(case.limit, 3.5, rtol=1e-6)
-    np.testing.assert_allclose(case.goal - case.corridor.station[0], case.goal, rtol=1e-6)
+    begins = 25.0 - case.corridor.position[0, 0]  # m, station of where it is first seen
+    np.testing.assert_allclose(case.goal, begins + 0.8 * 35.0, rtol=1e-4)
     np.testing.assert_allclose(case.start.time, 0.5, rtol=1e-6)
     np.testing.assert_allclose(case.vehicle.length, 4.8, rtol=1e-6)
     np.testing.assert_allclose(case.start.ego.position, [25.0 - 0.3 * 4.8, 3.5], atol=1e-3)  # of the rear axle
+
+
+def test_all_others_are_there_when_they_were(mission):
+    for k, there in enumerate(([0, 1, 1, 1, 1], [1, 0, 1, 1, 1], [1, 1, 0, 1, 1])):
+        start = case_of(LOOP, Job(mission, k), traffic="replay").start
+        assert start.replay.valid[10].tolist() == there
+        assert start.replay.valid[2].tolist() == [there[0], 0, 0, 1, 1]  # two come later
+        np.testing.assert_allclose(start.replay.position[10, 3:], [[91.0, -2.0], [124.0, 0.0]], atol=1e-4)
+        assert not start.traffic.valid.any()
 
 
 def test_drives_of_a_recording_are_judged_like_any_other(mission):
