@@ -17,7 +17,7 @@ clearance, collision, box_ttc, inverse_ttc = map(
 )
 record = jax.jit(logs.record)
 STILL = Command(jnp.zeros(()), jnp.zeros(()))
-score = jax.jit(scores.score)
+score, terms = jax.jit(scores.score), jax.jit(scores.terms)
 L, W = VEHICLE.length, VEHICLE.width
 
 
@@ -186,6 +186,25 @@ def test_score_prefers_more_progress_room_and_comfort():
     terms = scores.terms(base, VEHICLE, params=params, relaxation=soft)
     parts = [getattr(terms, name) for name in terms.__dataclass_fields__ if name != "total"]
     np.testing.assert_allclose(sum(parts), terms.total, rtol=1e-6)
+
+
+def test_every_term_of_the_score_is_weighed_as_it_says():
+    gas = jnp.asarray([0.0, 1.0, 2.0])
+    how = {"acceleration": gas, "steering": jnp.full(3, 0.05), "offset": jnp.ones(3), "road_margin": jnp.full(3, 0.15)}
+    log = make([0.0, 1.0, 2.0], others=[(0.0, W + 0.75, 0.0, 10.0), (2.0, W + 0.75, 0.0, 10.0)], **how)
+    found = terms(log, VEHICLE)
+    wanted = {
+        "progress": 1.0,
+        "clearance": -2.0 * 0.5**2,
+        "road": -2.0 * 0.5**2,
+        "acceleration": -0.1 * np.mean((gas / 2) ** 2),
+        "lateral": -0.1 * (100 * np.tan(0.05) / VEHICLE.wheelbase / 2) ** 2,
+        "jerk": -0.02 * (10 / 4) ** 2,
+        "lane": -0.05 * (1 / 0.5) ** 2,
+    }
+    for name, value in wanted.items():
+        np.testing.assert_allclose(getattr(found, name), value, rtol=1e-4, err_msg=name)
+    np.testing.assert_allclose(found.total, sum(wanted.values()), rtol=1e-4)
 
 
 def test_gradient_of_the_score_matches_differences():
