@@ -72,12 +72,15 @@ def wanted(reference, previous=0.0, emergency=0.0, **params):
 
 @pytest.mark.parametrize(("reference", "expected"), [(8.3, 0.5), (30.0, 2.0), (0.0, -4.0)])
 def test_speed_tracking_is_proportional_and_limited(reference, expected):
-    assert wanted(reference, max_jerk=1e3) == pytest.approx(expected, rel=1e-5)
+    assert wanted(reference, max_jerk=1e3, onset_jerk=1e3) == pytest.approx(expected, rel=1e-5)
     assert wanted(reference, previous=expected) == pytest.approx(expected, rel=1e-5)
 
 
 def test_acceleration_changes_no_faster_than_the_greatest_jerk():
     assert wanted(30.0, previous=-4.0) == pytest.approx(-3.2)
+    assert wanted(30.0, previous=-0.1) == pytest.approx(0.15)  # gently, once it no longer brakes
+    assert wanted(30.0, previous=1.0) == pytest.approx(1.15)
+    assert wanted(0.0, previous=1.0) == pytest.approx(0.2)
     assert wanted(0.0, previous=2.0, max_jerk=4.0) == pytest.approx(1.6)
 
 

@@ -59,7 +59,22 @@ def test_the_road_ends_at_its_borders(planner, scenes):
     window = scenes.road(lanes=(2,), width=4.5)
     parked = scenes.traffic(window, [(55.0, -1.5, 0.0)])
     plan, _, _ = planner(window, scenes.ego(window), parked)
-    assert plan.offset.max() == pytest.approx(0, abs=1e-5)  # a third of the lane to the left would overhang its border
+    assert 0 <= plan.offset.max() <= 4.5 / 2 - VehicleParams().width / 2 + 1e-4  # the node beyond would overhang it
+
+
+@pytest.mark.parametrize("middle", [1.5, 1.75, 1.95])
+def test_a_gap_between_two_nodes_is_met_in_its_middle(planner, scenes, middle):
+    """Vehicles stand on both sides and leave the ego's width and 0.8 m, on a lattice of 0.7 m."""
+    window, away = scenes.road(), (VehicleParams().width + 0.8 + 1.9) / 2
+    beside = [(55.0, middle - away, 0.0), (55.0, middle + away, 0.0)]
+    plan, _, near = planner(window, scenes.ego(window, offset=1.0, speed=6.0), scenes.traffic(window, beside))
+    there = np.argmin(np.abs(plan.station - 55.0))
+    nearest = np.argmin(np.abs(plan.node_offset[there] - middle))
+    assert plan.node_offset[there, nearest] == pytest.approx(middle, abs=0.01)
+    assert plan.node_clearance[there, nearest] == pytest.approx(0.4, abs=0.01)
+    assert plan.offset[there] == pytest.approx(middle, abs=0.25)
+    assert plan.feasible == 1
+    assert near.clearance > 0.15
 
 
 def test_a_follower_does_not_drive_us_out_of_our_lane(planner, scenes):
@@ -171,6 +186,7 @@ def costs(situation, driving):
     speed = jnp.concatenate([found.start_speed[None], found.speed])
     time = jnp.concatenate([0 * found.time[:1], found.time])
     layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
+    layers = layers.replace(offset=found.node_offset)  # where they were moved to
     nodes, _ = lattice.node_terms(layers, weighing, room=found.node_clearance, previous=previous)
     ways = lattice.ways(layers, offset, vehicle=driving.vehicle)
     start, _ = lattice.start_terms(layers, weighing, ways=ways, offset=offset)

@@ -19,7 +19,7 @@ def reason(plan, name):
 
 def test_the_chosen_candidate_is_the_cheapest_feasible_one(planner, scenes):
     window = scenes.road()
-    _, fan, plan = planner(window, scenes.ego(window), scenes.traffic(window, [(50.0, 0.0, 3.0)]))
+    _, fan, plan = planner(window, scenes.ego(window), scenes.traffic(window, [(44.0, 0.0, 3.0)]))
     feasible = ~np.asarray(plan.reasons).any(axis=1)
     total = np.where(feasible, np.asarray(plan.terms).sum(axis=1), np.inf)
     assert feasible.any()

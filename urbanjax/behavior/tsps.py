@@ -236,4 +236,3 @@ def assess(
         ),
     )
     return memory, conditions
-

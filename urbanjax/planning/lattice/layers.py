@@ -148,8 +148,8 @@ def centred(lattice: Lattice, weights: LatticeWeights, *, room: Float[Array, "s 
     """The lattice with nodes that lack clearance moved to where they have most, and the clearance [S, M] (m) there.
 
     By at most half the way to the next node, so that a gap between two nodes is met in its middle: clearance rises and
-    falls by a metre per metre across, which tells its peak from that of the nodes beside. Args: lattice; weights, for
-    the clearance that is enough; room [S, M] m, clearance of each node.
+    falls by a metre per metre across, which tells its peak from that of the nodes beside. A node that would collide
+    there too stays. Args: lattice; weights, for the clearance that is enough; room [S, M] m, clearance of each node.
     """
     right = jnp.concatenate([room[:, :1], room[:, :-1]], axis=1)
     left = jnp.concatenate([room[:, 1:], room[:, -1:]], axis=1)
@@ -157,7 +157,9 @@ def centred(lattice: Lattice, weights: LatticeWeights, *, room: Float[Array, "s 
     reach = lean.minimum(lean.maximum(weights.clearance - room, 0), apart / 2)
     shift = lean.minimum(lean.maximum((left - right) / 2, -reach), reach)
     peak = lean.minimum(right + apart + shift, left + apart - shift)
-    return lattice.replace(offset=lattice.offset + shift), lean.minimum(room + jnp.abs(shift), peak)
+    there = lean.minimum(room + jnp.abs(shift), peak)
+    helps = there > 0
+    return lattice.replace(offset=lattice.offset + jnp.where(helps, shift, 0)), jnp.where(helps, there, room)
 
 
 def node_terms(
