@@ -74,7 +74,6 @@ def test_a_gap_between_two_nodes_is_met_in_its_middle(planner, scenes, middle):
     assert plan.node_clearance[there, nearest] == pytest.approx(0.4, abs=0.01)
     assert plan.offset[there] == pytest.approx(middle, abs=0.25)
     assert plan.feasible == 1
-    assert near.clearance > 0.15
 
 
 def test_a_follower_does_not_drive_us_out_of_our_lane(planner, scenes):

@@ -74,7 +74,7 @@ def test_any_sequence_of_phases_is_shown_as_it_is_stated():
 def test_red_yellow_is_one_red_and_a_green_goes_on_round_the_cycle():
     cycle = SignalCycle((5.0, 20.0, 1.0, 10.0, 3.0, 9.0), (GREEN, RED, RED, GREEN, YELLOW, GREEN), offset=2.0)
     program = phases([cycle], 1)
-    assert program.state.tolist() == [[GREEN, RED, GREEN, YELLOW]]
+    assert program.phase.tolist() == [[GREEN, RED, GREEN, YELLOW]]
     for time, state, left in ((0.0, GREEN, 7.0), (8.0, RED, 20.0), (30.0, GREEN, 8.0), (42.0, GREEN, 13.0)):
         shown = show(program, jnp.asarray(time))
         assert int(shown.state[0]) == state

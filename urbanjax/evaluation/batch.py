@@ -96,7 +96,7 @@ def _ended(
         found: queue.SimpleQueue = queue.SimpleQueue()
         wanted = _Shared(numbered)
 
-        def work(device: jax.Device | None, found: queue.SimpleQueue = found, wanted: _Shared = wanted) -> None:
+        def work(device: Any, found: queue.SimpleQueue = found, wanted: _Shared = wanted) -> None:
             end: Any = None
             try:
                 with jax.default_device(device) if device else contextlib.nullcontext():
@@ -142,7 +142,7 @@ class _Shared:
             self._items = iter(())
 
 
-def _streams() -> list[jax.Device | None]:
+def _streams() -> list[Any]:
     """The device of every stream of chunks, None for the only one: a chunk by itself leaves cores of a CPU idle."""
     devices = jax.local_devices()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -39,7 +39,7 @@ class SignalPhases:
     cycle: Array  # [G] s
     offset: Array  # [G] s, when the first phase begins
     end: Array  # [G, P] s after that, of each phase; infinite where it never ends
-    state: Array  # [G, P] int32, a SignalState
+    phase: Array  # [G, P] int32, a SignalState each
 
 
 def phases(cycles: Sequence[SignalCycle | None], n_signals: int) -> SignalPhases:
@@ -56,7 +56,7 @@ def phases(cycles: Sequence[SignalCycle | None], n_signals: int) -> SignalPhases
         "end": np.array([ends + ends[-1:] * (most - len(ends)) for _, _, ends, _ in rows]).reshape(-1, most),
     }
     states = [states + states[-1:] * (most - len(states)) for *_, states in rows]
-    return SignalPhases(**as_arrays(padded), state=jnp.asarray(np.array(states, np.int32).reshape(-1, most)))
+    return SignalPhases(**as_arrays(padded), phase=jnp.asarray(np.array(states, np.int32).reshape(-1, most)))
 
 
 def stated(cycle: SignalCycle | None) -> bool:
@@ -120,7 +120,7 @@ def _show_phases(program: SignalPhases, time: Float[Array, ""]) -> Signals:
     into = jnp.mod(time + ROUNDING - program.offset, program.cycle)
     into = jnp.where(into < program.cycle, into, 0)  # the remainder of a small negative number is rounded to all of it
     now = jnp.sum(into[:, None] >= program.end[:, :-1], axis=1)[:, None]
-    state, end = (jnp.take_along_axis(x, now, axis=1)[:, 0] for x in (program.state, program.end))
+    state, end = (jnp.take_along_axis(x, now, axis=1)[:, 0] for x in (program.phase, program.end))
     return Signals(state, end - into + ROUNDING, jnp.ones(into.shape, bool))
 
 
