@@ -67,7 +67,7 @@ def test_a_gap_between_two_nodes_is_met_in_its_middle(planner, scenes, middle):
     """Vehicles stand on both sides and leave the ego's width and 0.8 m, on a lattice of 0.7 m."""
     window, away = scenes.road(), (VehicleParams().width + 0.8 + 1.9) / 2
     beside = [(55.0, middle - away, 0.0), (55.0, middle + away, 0.0)]
-    plan, _, near = planner(window, scenes.ego(window, offset=1.0, speed=6.0), scenes.traffic(window, beside))
+    plan, _, _ = planner(window, scenes.ego(window, offset=1.0, speed=6.0), scenes.traffic(window, beside))
     there = np.argmin(np.abs(plan.station - 55.0))
     nearest = np.argmin(np.abs(plan.node_offset[there] - middle))
     assert plan.node_offset[there, nearest] == pytest.approx(middle, abs=0.01)
