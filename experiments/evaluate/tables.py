@@ -15,7 +15,7 @@ from urbanjax.types import ConfigError
 
 Rows = list[dict[str, Any]]
 KEY = ("driver", "traffic", "mission", "seed")
-SCORES = {  # total of each, and whether more is better
+SCORES = {  # the title of each, and whether more is better
     "nuplan": ("nuPlan score", True),
     "epdms_driven": ("EPDMS, driven", True),
     "carla": ("CARLA driving score", True),

@@ -17,7 +17,8 @@ from urbanjax.types.unread import check_read
 
 NUMBERS = {
     "evaluation_drives": 64.0,
-    "evaluation_first_chunk_s": 40.0,
+    "evaluation_first_block_s": 40.0,
+    "evaluation_streams": 2.0,
     "evaluation_drives_per_s": 5.0,
     "evaluation_decisions_per_s": 500.0,
     "evaluation_decisions_per_cpu_s": 400.0,

@@ -26,7 +26,8 @@ class SpeedPlan:
 def plan(choice: Choice, driving: Driving) -> SpeedPlan:
     """v_ref of Eq. 29 in m/s, below speed limit, curve speed and stop line, and below the collision clamp.
 
-    Args: choice, of the path; driving, with BehaviorParams.
+    Unlike in Eq. 28, one who stands and whom the path clears where it reaches its rear is no leader of a lane. Args:
+    choice, of the path; driving, with BehaviorParams.
     """
     params, view, path, terminal = driving.params, choice.view, choice.path, choice.terminal
     around, body = view.surroundings, view.body
@@ -35,7 +36,7 @@ def plan(choice: Choice, driving: Driving) -> SpeedPlan:
     moves = moving(around, telling)
     on_path = interpolate(rear, path.station[0], path.station[1] - path.station[0], path.offset)
     hinders = in_path(around, telling, offset=on_path, moves=moves)
-    # Between vehicles that stand in two lanes the path may be free while both lanes are blocked (Eq. 28).
+    # Between vehicles that stand in two lanes the path may be free while both lanes are blocked.
     counts = soft.either(hinders, moves)
 
     def lane_speed(weights: Float[Array, "q"], front: Array, time: float | Array) -> Float[Array, ""]:

@@ -49,7 +49,7 @@ class Conditions:
     stuck: Array
     micro_feasible: Array
     turning_at_signal: Array  # near a signal and turning left or right
-    side_occupied: Array  # a vehicle beside, in the lane that the micro path enters
+    side_occupied: Array  # a vehicle that moves beside, in the lane that the micro path enters
     return_occupied: Array  # a vehicle beside, in the route's lane, with the ego outside it
     stoppable: Array  # a stop in some lane needs no emergency braking
 

@@ -89,8 +89,8 @@ def _ended(
     """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
         numbered = list(group)
-        streams = _streams()[: -(-len(numbered) // chunk)]
-        if len(streams) == 1:
+        needed = streams()[: -(-len(numbered) // chunk)]
+        if len(needed) == 1:
             yield from _stream(loop, numbered, traffic, chunk, logs, epdms=epdms)
             continue
         found: queue.SimpleQueue = queue.SimpleQueue()
@@ -107,12 +107,12 @@ def _ended(
             finally:
                 found.put(end)
 
-        with ThreadPoolExecutor(len(streams)) as pool:
+        with ThreadPoolExecutor(len(needed)) as pool:
             try:
-                for device in streams:
+                for device in needed:
                     pool.submit(work, device)
                 ended = 0
-                while ended < len(streams):
+                while ended < len(needed):
                     pair = found.get()
                     if isinstance(pair, BaseException):
                         raise pair
@@ -142,7 +142,7 @@ class _Shared:
             self._items = iter(())
 
 
-def _streams() -> list[Any]:
+def streams() -> list[Any]:
     """The device of every stream of chunks, None for the only one: a chunk by itself leaves cores of a CPU idle."""
     devices = jax.local_devices()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
