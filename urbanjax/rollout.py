@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import jax
+import jaxlie
 from jax import Array
 
 from urbanjax.course import Course
@@ -13,7 +14,8 @@ from urbanjax.sim.checks import check_drive, check_start
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.log import Log
-from urbanjax.sim.world import HARD, Sensing, SimParams, WorldState
+from urbanjax.sim.sensing import Sensing
+from urbanjax.sim.world import HARD, SimParams, WorldState
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import HANDED_DOWN, POSITIVE, ConfigError, ScenarioError, Unread, field, pytree
 from urbanjax.types.arguments import kind, kinds, short, whole
@@ -125,7 +127,7 @@ def rollout(
     check_start(lanes.graph, course.corridor, world=start)
     check_drive(start, params.vehicle, params=(params.period, params.vehicle, params.stack))
     whole(n_steps, "n_steps", error=ScenarioError, least=1)
-    now = begin(params, course, start=start)
+    now = begin(params, course, start=start, sensing=sensing)
     _, kept = go_on(params, course, lanes=lanes, now=now, n_steps=n_steps, keep=keep, sensing=sensing)
     return kept
 
@@ -138,9 +140,15 @@ class Underway:
     world: WorldState
 
 
-def begin(params: LoopParams, course: Course, *, start: WorldState) -> Underway:
-    """The loop before its first step; see `rollout`. Args: course, what the drive is about; start, the world."""
-    return Underway(params.handed_down()[0].init(course, start.ego.pose), start)
+def begin(params: LoopParams, course: Course, *, start: WorldState, sensing: Sensing | None = None) -> Underway:
+    """The loop before its first step; see `rollout`.
+
+    Args: course, what the drive is about; start, the world; sensing, for a stack that localizes itself.
+    """
+    told = start.ego.pose
+    if sensing is not None and sensing.told is not None:
+        told = jaxlie.SE2.from_xy_theta(sensing.told[0], sensing.told[1], sensing.told[2])
+    return Underway(params.handed_down()[0].init(course, told), start)
 
 
 def go_on(

@@ -15,6 +15,7 @@ from urbanjax.control.drive import ControlParams
 from urbanjax.course import Course
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.localizers import LOCALIZERS
+from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.localization.types import Localization
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import plan as plans
@@ -38,7 +39,10 @@ class StackParams:
     """Every parameter of the stack."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
-        "lidar": Unread("only the localizer 'lidar' does, see 'localizer'", lambda p: p.localizer != "lidar"),
+        **dict.fromkeys(
+            ("lidar", "search"),
+            Unread("only the localizer 'lidar' does, see 'localizer'", lambda p: p.localizer != "lidar"),
+        ),
         **dict.fromkeys(MATCHING, Unread("the stack keeps to its route instead of matching its track")),
         **dict.fromkeys(FOLLOWERS, Unread("only the macro plan does, see 'planning.macro.clearance'")),
         **dict.fromkeys(
@@ -54,6 +58,7 @@ class StackParams:
     behavior: BehaviorParams = BehaviorParams()
     control: ControlParams = ControlParams()
     lidar: LidarLocalizerParams = LidarLocalizerParams()  # of the localizer 'lidar'
+    search: RelocalizeParams = RelocalizeParams()  # for its pose where it is lost, see `recover`
     relaxation: Relaxation = Relaxation()
     localizer: str = static(default="given", metadata={"choices": tuple(LOCALIZERS)})
 
@@ -131,7 +136,7 @@ def step(
     with jax.named_scope("localization"):
         localizer = LOCALIZERS[params.localizer]
         localization, localized = localizer.step(params.localizing(), course, state.localizer, observation)
-        ego = localization.vehicle_state(observation.odometry)
+        ego, observation = localization.vehicle_state(observation.odometry), localization.in_world(observation)
     situation = situations.look(params.situation, course, station=state.station, ego=ego, observation=observation)
     plan = plans.plan(situation, driving.of(params.planning), memory=state.plan)
     with jax.named_scope("tsps"):
@@ -148,3 +153,15 @@ def step(
         )
     following = StackState(situation.progress.station, plans.remember(plan), select, localized)
     return command, following, StackInfo(localization, situation, plan, choice, speed_plan)
+
+
+def recover(params: StackParams, course: Course, *, state: StackState, observation: Observation) -> StackState:
+    """The state with the pose searched for anew where it is lost; as it is otherwise.
+
+    Rare and heavy, so that the loop around calls it every now and then, and outside `vmap`, where the search would run
+    each time. The gradient is of no use. Args: course, of the drive; state, what is remembered; observation, now, with
+    a scan.
+    """
+    localizer = LOCALIZERS[params.localizer]
+    found = localizer.recover(params.localizing(), params.search, course, state.localizer, observation)
+    return state.replace(localizer=found)

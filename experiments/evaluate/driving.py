@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from experiments.evaluate import study
+from experiments.evaluate import study, tables
 from experiments.evaluate.study import Asked, EvaluateStudy
 from experiments.evaluate.tables import Rows
 from urbanjax.evaluation.batch import Outcome
@@ -80,5 +80,5 @@ def _write(params: EvaluateStudy, run: Run, name: str, rows: Rows, ended: list[O
         drive_logs.write_logs(logs, rows[0]["driver"], outcomes=ended, vehicle=params.vehicle)
     elif params.logs:
         shutil.copyfile(Path(params.resume) / drive_logs.FOLDER / logs.name, logs)
-    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), f"{file}.part")
+    pyarrow.parquet.write_table(pyarrow.table(tables.columns(rows)), f"{file}.part")
     Path(f"{file}.part").rename(file)

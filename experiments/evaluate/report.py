@@ -8,6 +8,7 @@ from experiments.evaluate import driving, figures, replay, study, tables
 from experiments.evaluate.study import Asked, EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
+from urbanjax.evaluation.missions.localized import GIVEN
 from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
@@ -28,6 +29,9 @@ SUCCESS = (
 )
 SIGNALS = "Signals show what the map's program says at the time of the record, and green where the map states none."
 
+LOCALIZATION = (
+    "Where drivers find their pose from scans: times are means over drives; wrong is an error above half a metre"
+)
 ORDERS = (
     'Who is better by each score: ">" where the interval of the paired difference is clear of 0, "~" where it is not'
 )
@@ -65,6 +69,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
         "missions": tables.by_mission(rows),
         "causes": tables.failures(rows),
         **{score: tables.parts(rows, score) for score in tables.scores(rows)},
+        "localizations": tables.localizations(rows) if set(params.localization) != {GIVEN} else {},
         "orders": tables.orders(rows),
         "differences": tables.differences(rows),
         "coverage": tables.coverage(rows, expected),
@@ -93,6 +98,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
                     else []
                 ),
                 report.Table(ORDERS, found["orders"]),
+                *([report.Table(LOCALIZATION, found["localizations"])] if found["localizations"] else []),
                 *shown,
             ],
         ),

@@ -13,6 +13,7 @@ from urbanjax.evaluation import road_users
 from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
+from urbanjax.evaluation.missions.localized import GIVEN, LOCALIZATIONS, LocalizedMission, Roads
 from urbanjax.evaluation.missions.mission import Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
 from urbanjax.evaluation.traffic import MANNERS
@@ -24,13 +25,13 @@ from urbanjax.types import ConfigError, Unread, field, pytree, static
 from urbanjax.types.unread import changed
 from urbanjax.vehicle.params import VehicleParams
 
-Asked = dict[str, Mission | RecordedMission]  # by name
+Asked = dict[str, Mission | LocalizedMission | RecordedMission]  # by name
 
 RECORDED = "replay"  # the traffic of recordings
 STAMP = "of.json"  # in the folder of rows: what they are of
 DRIVEN = (
-    *("vehicle", "period", "sensor", "sim"),
-    *("missions", "scenes", "drivers", "traffic", "seeds", "seed", "epdms", "worst", "resume"),
+    *("vehicle", "period", "sim"),
+    *("missions", "scenes", "drivers", "traffic", "localization", "seeds", "seed", "epdms", "worst", "resume"),
     *("logs", "coordinator", "process", "processes"),
 )
 OF_SCENES = ("folder", "egos", "corridor")
@@ -39,7 +40,7 @@ WITH_KEYS = ("idm", "pdm")  # plain drivers whose params are keys
 
 @pytree
 class EvaluateStudy(LoopParams):
-    """Missions x seeds x drivers x traffic."""
+    """Missions x localization x seeds x drivers x traffic."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
         **dict.fromkeys(("row", "before"), Unread("no row is driven again, see 'replay'", lambda p: not p.replay)),
@@ -49,6 +50,14 @@ class EvaluateStudy(LoopParams):
             Unread("no mission is drawn, see 'missions'", lambda p: p.replay or p.run or not p.missions),
         ),
         **dict.fromkeys(OF_SCENES, Unread("no recording is driven in, see 'scenes'", lambda p: not p.scenes)),
+        "stack.localizer": Unread("'localization' says whether it is given its pose"),
+        **dict.fromkeys(
+            ("stack.lidar", "stack.search", "sensor"),
+            Unread(
+                "poses are given, see 'localization'",
+                lambda p: p.replay or p.run or set(p.localization) == {GIVEN},
+            ),
+        ),
         "shortest": Unread(
             "nobody recorded is replaced, see 'scenes' and 'egos'", lambda p: not p.scenes or p.egos == "problems"
         ),
@@ -78,6 +87,7 @@ class EvaluateStudy(LoopParams):
     corridor: CorridorParams = CorridorParams()  # along recorded routes
     drivers: tuple[str, ...] = static(default=("stack",), metadata={"choices": tuple(DRIVERS)})
     traffic: tuple[str, ...] = static(default=("idm",), metadata={"choices": tuple(MANNERS)})
+    localization: tuple[str, ...] = static(default=(GIVEN,), metadata={"choices": (GIVEN, *LOCALIZATIONS)})
     seeds: int = static(default=256, metadata={"range": (1, 10**5)})  # drives of each mission
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
     epdms: bool = static(default=False)  # rows hold this score too, for which `pdm` drives beside everybody
@@ -117,7 +127,17 @@ def missions_of(study: EvaluateStudy) -> Asked:
 
     Raises ScenarioError for a planning problem whose goal is no station of its route.
     """
-    found: Asked = {name: MISSIONS[name] for name in study.missions}
+    if set(study.localization) != {GIVEN} and (study.scenes or set(study.drivers) != {"stack"}):
+        raise ConfigError(
+            f"'localization' is {list(study.localization)}: nobody but the stack finds its pose, and no recording has "
+            "surroundings; ask 'drivers=[stack]' without 'scenes'"
+        )
+    roads = Roads()
+    found: Asked = {}
+    for how in study.localization:
+        for mission in (MISSIONS[name] for name in study.missions):
+            one = mission if how == GIVEN else LocalizedMission(mission, how, study.sensor, roads)
+            found[one.name] = one
     for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
         road = recordings.read(path, study.period, key="scenes")
         scene = recordings.scene_of(

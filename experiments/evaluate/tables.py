@@ -8,6 +8,7 @@ import numpy as np
 
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.missions.localized import GIVEN, LOCALIZATIONS
 from urbanjax.evaluation.missions.mission import ROADS
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.evaluation.verdict import Cause
@@ -22,6 +23,12 @@ SCORES = {  # the title of each, and whether more is better
     "commonroad": ("CommonRoad cost", False),
     "competition": ("competition [s]", False),
 }
+WHEREABOUTS = {  # columns of drives on scans
+    "mean error [m]": "localization_mean_error_m",
+    "not normal [s]": "localization_not_normal_s",
+    "stopped, lost [s]": "localization_stopped_s",
+}
+UNNOTICED = 1.0  # s, for which nobody may be wrong without knowing
 NOT_PARTS = ("_total", "_success", "_gate", "_defined", "_windows", "_reference", "_way", "_least_ttc")
 
 
@@ -37,7 +44,19 @@ def names(rows: Rows, column: str) -> list[str]:
 
 def scenes(rows: Rows) -> np.ndarray:
     """The road or the recording of each drive: drives of one depend on each other."""
-    return np.array([f"{row['mission']} {row['seed'] % ROADS if row['mission'] in MISSIONS else ''}" for row in rows])
+    named = [(drawn(row["mission"])[0], row) for row in rows]
+    return np.array([f"{mission} {row['seed'] % ROADS}" if mission else row["mission"] for mission, row in named])
+
+
+def drawn(name: str) -> tuple[str, str]:
+    """The mission that draws its roads and how drivers know where they are on them, from the name of what is driven.
+
+    Both are empty for a recording.
+    """
+    for how in ("", *(f"_{how}" for how in LOCALIZATIONS)):
+        if name.endswith(how) and (mission := name.removesuffix(how)) in MISSIONS:
+            return mission, how[1:] or GIVEN
+    return "", ""
 
 
 def scores(rows: Rows) -> dict[str, tuple[str, bool]]:
@@ -142,6 +161,31 @@ def orders(rows: Rows) -> dict[str, list[Any]]:
     return out
 
 
+def localizations(rows: Rows) -> dict[str, list[Any]]:
+    """What it costs to find one's pose, and that this fails: against the first kind asked for, from the same starts."""
+    kinds = list(dict.fromkeys(how for row in rows if (how := drawn(row["mission"])[1])))
+    out: dict[str, list[Any]] = {}
+    for driver, traffic in _pairs(rows):
+        some = {
+            how: [
+                {**row, "mission": mission}
+                for row in chosen(rows, driver=driver, traffic=traffic)
+                if (mission := drawn(row["mission"])[0]) and drawn(row["mission"])[1] == how
+            ]
+            for how in kinds
+        }
+        for how, part in some.items():
+            line = {"driver": driver, "traffic": traffic, "localization": how, "drives": len(part)}
+            line |= {"success [%]": success(part).percent.text(), "nuPlan score": mean(part, "nuplan_total").text(2)}
+            for title, column in WHEREABOUTS.items():
+                line[title] = mean(part, column).text(2) if part[0].get(column) is not None else "-"
+            lost = [(row.get("localization_unnoticed_s") or 0.0) > UNNOTICED for row in part]
+            line[f"wrong for {UNNOTICED:g} s while normal [%]"] = statistics.rate(lost).percent.text()
+            both = against(part, some[kinds[0]]) if how != kinds[0] else {}
+            _append(out, line | {f"success less {kinds[0]} [points]": both.get("success [points]", "-")})
+    return out
+
+
 def differences(rows: Rows) -> dict[str, list[Any]]:
     """Each driver against the first one, drive by drive from the same starts."""
     out: dict[str, list[Any]] = {}
@@ -237,4 +281,5 @@ def _append(out: dict[str, list[Any]], line: dict[str, Any]) -> None:
 
 def columns(rows: Rows) -> dict[str, Sequence[Any]]:
     """The rows as columns, for the table on disk."""
-    return {name: [row[name] for row in rows] for name in rows[0]}
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return {name: [row.get(name) for row in rows] for name in names}

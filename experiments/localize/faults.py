@@ -12,7 +12,7 @@ from experiments.localize.track import Change, LocalizedTrack, LocalizerPrograms
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.localization.types import Health, Sign
-from urbanjax.registration.voxelmap import VoxelMap
+from urbanjax.registration.voxelmap import VoxelMap, without
 from urbanjax.sim.scenarios.tour import Tour
 from urbanjax.sim.scenery.scenery import Scenery, altered
 from urbanjax.types import SHARE, ConfigError, field, host_record, pytree, static
@@ -141,16 +141,10 @@ def _one(
 
 def gap(world: World, step: int, length: float) -> VoxelMap:
     """The map without a slab of `length` m across the course at a step of the drive; of the same shapes."""
-    points, tour = world.course.map, world.tour
+    points, ego = world.course.map, world.tour.ego
     if points is None:
         raise ValueError("the course has no map")
-    place = (points.cell + points.first[None])[:, :2].astype(jnp.float32) * points.resolution + points.rows[:, :2]
-    heading = tour.ego.heading[step]
-    away = place - tour.ego.position[step][None]
-    along = away @ jnp.stack([jnp.cos(heading), jnp.sin(heading)])
-    near = jnp.sum(away**2, axis=1) < 150.0**2
-    gone = (jnp.abs(along) < length / 2) & near
-    return points.replace(rows=points.rows.at[:, 9].multiply(jnp.where(gone, 0.0, 1.0)))
+    return without(points, ego.position[step], heading=ego.heading[step], length=length)
 
 
 def _changed(surroundings: Scenery, share: float, seed: int) -> Scenery:

@@ -25,7 +25,8 @@ from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import OvertakeParams
 from urbanjax.sim.scenarios.transplant import transplant
-from urbanjax.sim.world import Sensing, SimParams
+from urbanjax.sim.sensing import Sensing
+from urbanjax.sim.world import SimParams
 from urbanjax.stack import StackInfo, StackParams
 from urbanjax.types import POSITIVE, SEED, SHARE, ConfigError, Unread, as_arrays, field, host_record, pytree, static
 

@@ -6,13 +6,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from experiments.common import district
 from experiments.common.district import World
 from experiments.common.lost import lost_after
 from experiments.localize.faults import WRONG
 from experiments.localize.study import LocalizeStudy
 from experiments.localize.track import LocalizedTrack, LocalizerPrograms
-from urbanjax.evaluation import statistics
+from urbanjax.evaluation import statistics, survey
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.localization.motion import arc
 from urbanjax.types import as_arrays, host_record
@@ -59,7 +58,7 @@ def compare(
     study: LocalizeStudy, world: World, tick: Callable[[str, float | None], None]
 ) -> tuple[list[Method], dict[str, LocalizedTrack]]:
     """All methods on the whole drive (or `scans` of it), and the tracks that they come from."""
-    localizer = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
+    localizer = survey.mounted(study.localizer, study.world.sensor, period=study.world.drive.period)
     last = len(world.tour.time) if not study.scans else min(study.scans, len(world.tour.time))
     tracks = {}
     for name, changes in VARIANTS.items():

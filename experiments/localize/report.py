@@ -7,7 +7,7 @@ from experiments.common.district import World
 from experiments.localize import faults, figures, folder, loop, methods
 from experiments.localize.study import LocalizeStudy
 from experiments.localize.track import LocalizedTrack, LocalizerPrograms
-from urbanjax.evaluation import statistics
+from urbanjax.evaluation import statistics, survey
 from urbanjax.io.clouds import pointmap
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
@@ -59,7 +59,7 @@ def table2(study: LocalizeStudy, world: World, run: Run) -> tuple[report.Section
 def failures(study: LocalizeStudy, world: World, tracks: dict[str, LocalizedTrack], run: Run) -> report.Section:
     """Injected failures: what the localizer says while it is wrong, and the detector beside Eq. 8."""
     period = float(study.world.drive.period)
-    localizer = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
+    localizer = survey.mounted(study.localizer, study.world.sensor, period=study.world.drive.period)
     programs = LocalizerPrograms(world, *as_arrays((localizer, study.search, study.world.sensor)))
     total = len(faults.KINDS) * study.faults.seeds
     with progress.bar("failures") as tick:
@@ -119,8 +119,8 @@ FAULT_NAMES = (
 
 def _fitted(study: LocalizeStudy, world: World) -> LidarLocalizerParams:
     """The localizer with room for the map and the scans of this world, where none is set."""
-    here = district.mounted(study.localizer, study.world.sensor, study.world.drive.period)
-    scans = district.some_scans(here, study.world.sensor, world.surroundings, world.tour)
+    here = survey.mounted(study.localizer, study.world.sensor, period=study.world.drive.period)
+    scans = survey.some_scans(here, study.world.sensor, surroundings=world.surroundings, way=world.tour)
     return capacity.fitted(study.localizer, world=world.course.map, scans=scans)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from jax import Array
 
 from experiments.common import timing
-from experiments.common.district import World, observation
+from experiments.common.district import World
+from urbanjax.evaluation.survey import observation
 from urbanjax.localization import lidar, motion, relocalize
 from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
 from urbanjax.localization.relocalize import RelocalizeParams

@@ -11,8 +11,8 @@ import numpy as np
 from jax import Array
 
 from experiments.common import timing
-from experiments.common.district import mounted, observation, some_scans
 from experiments.register.stretch import Stretch
+from urbanjax.evaluation.survey import mounted, observation, some_scans
 from urbanjax.localization import capacity, lidar, mapping, motion
 from urbanjax.localization.lidar import PLANE, LidarLocalizerParams
 from urbanjax.registration import Alignment, AlignParams, MapParams, PointCloud, align, voxelmap
@@ -98,8 +98,8 @@ class Bench:
     ):
         """Args: period [s], between two scans."""
         self.stretch, self.programs = stretch, BenchPrograms()
-        here = mounted(localizer, sensor, period)
-        scans = some_scans(here, sensor, stretch.surroundings, stretch.tour)
+        here = mounted(localizer, sensor, period=period)
+        scans = some_scans(here, sensor, surroundings=stretch.surroundings, way=stretch.tour)
         self.localizer, self.sensor = as_arrays((capacity.fitted(here, scans=scans), sensor))
         self.neighbours, self.period = neighbours, float(period)
         self._maps: dict[tuple[str, float], VoxelMap] = {}

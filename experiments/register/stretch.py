@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.common.district import MappingParams, survey
 from urbanjax.course import course_between
+from urbanjax.evaluation.survey import MappingParams, survey
 from urbanjax.localization import mapping
 from urbanjax.localization.lidar import LidarLocalizerParams
 from urbanjax.localization.mapping import PointMap
@@ -56,8 +56,17 @@ def build(params: StretchParams, localizer: LidarLocalizerParams, tick: Callable
     key = jax.random.key(params.seed)
     tick("mapping the stretch", None)
     first = jax.random.fold_in(key, 1)
-    surveyed = survey(first, params.mapping, params.sensor, localizer, mapped, surroundings, fine=params.fine)
-    scans = list(surveyed)
+    scans = list(
+        survey(
+            params.mapping,
+            mapped.corridor,
+            surroundings=surroundings,
+            sensor=params.sensor,
+            localizer=localizer,
+            key=first,
+            fine=params.fine,
+        )
+    )
     tick("merging", None)
     return Stretch(
         surroundings=surroundings,

@@ -86,6 +86,39 @@ def test_each_score_is_shown_with_its_parts_and_the_order_that_it_gives():
     assert "~" in tables.orders(alike)["from best to worst"][1]
 
 
+def test_what_localization_costs_is_told_beside_the_same_drives_with_given_poses():
+    told = {f"localization_{name}": 0.5 for name in ("mean_error_m", "not_normal_s", "stopped_s")}
+    given = tables.chosen(ROWS, driver="stack")
+    lost = [
+        {**r, "mission": f"{r['mission']}_scan_loss", "success": r["seed"] > 3, **told, "localization_unnoticed_s": 2.0}
+        for r in given
+    ]
+    found = tables.localizations([*given, *lost])
+    assert found["localization"] == ["given", "scan_loss"]
+    assert found["drives"] == [16, 16]
+    assert found["success [%]"][1].startswith("50.0")
+    assert found["mean error [m]"] == ["-", "0.50 [0.50, 0.50]"]
+    assert found["wrong for 1 s while normal [%]"][1].startswith("100.0")
+    assert found["success less given [points]"][1].startswith("-43.8")
+    assert tables.drawn("cut_in_scan_loss") == ("cut_in", "scan_loss")
+    assert tables.drawn("cut_in") == ("cut_in", "given")
+    assert tables.drawn("USA_Lanker-1_1_T-1") == ("", "")
+    assert list(tables.scenes(lost)) == list(tables.scenes(given))
+    mixed = tables.columns([*given, *lost])
+    assert mixed["localization_unnoticed_s"] == [None] * 16 + [2.0] * 16
+
+
+def test_localization_is_an_axis_of_the_stack():
+    params = EvaluateStudy(missions=("cut_in", "overtake"), localization=("given", "map_gap"), seeds=2)
+    names = ["cut_in", "overtake", "cut_in_map_gap", "overtake_map_gap"]
+    asked = study.missions_of(params)
+    assert list(asked) == names
+    assert [job.mission.name for job in study.jobs_of(params, asked, "idm")[::2]] == names
+    for wrong in ({"drivers": ("stack", "pdm")}, {"scenes": ("x",), "traffic": ("replay",)}):
+        with pytest.raises(ConfigError, match="nobody but the stack finds its pose"):
+            study.missions_of(dataclasses.replace(params, **wrong))
+
+
 def test_missing_and_repeated_drives_are_counted():
     wanted = [tuple(r[name] for name in tables.KEY) for r in ROWS]
     assert tables.coverage(ROWS, wanted)["missing"] == ["-"]

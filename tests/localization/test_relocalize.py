@@ -8,6 +8,9 @@ import jaxlie
 import numpy as np
 import pytest
 
+from tests.scenes import loop_params
+from urbanjax import stack
+from urbanjax.course import course_between
 from urbanjax.localization import relocalize
 from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.localization.types import Health
@@ -66,3 +69,21 @@ def test_what_is_not_there_is_not_found(street, drive, search):
     found, state = search(state=lost, observation=empty, starts=starts)
     assert not bool(found.found)
     np.testing.assert_array_equal(state.T_map_body.parameters(), lost.T_map_body.parameters())
+
+
+def test_the_stack_searches_only_where_it_is_lost(street, drive):
+    """`stack.recover` on a localizer that is lost, and on one that is not."""
+    params = loop_params()
+    params = params.replace(stack=params.stack.replace(localizer="lidar", lidar=street.localizer, search=PARAMS))
+    driver = as_arrays(params).handed_down()[0]
+    course = course_between(street.graph, 1, goal=1).replace(map=street.map)
+    before = stack.init(driver, course, street.ego(64.0).pose)
+    seen = street.observe(street.ego(78.0), 9)
+    recover = jax.jit(stack.recover)
+    for health in (Health.NORMAL, Health.RELOCALIZE, Health.LANE):
+        localizer = drive.states[5]
+        localizer = localizer.replace(monitor=localizer.monitor.replace(health=jnp.asarray(int(health), jnp.int32)))
+        after = recover(driver, course, state=before.replace(localizer=localizer), observation=seen)
+        expected = 64.0 if health == Health.NORMAL else 78.0
+        np.testing.assert_allclose(after.localizer.T_map_body.translation()[0], expected, atol=0.2)
+        np.testing.assert_array_equal(after.station, before.station)

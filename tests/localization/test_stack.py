@@ -14,7 +14,7 @@ from urbanjax.rollout import rollout
 from urbanjax.sim import lanes as tables
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import OvertakeParams
-from urbanjax.sim.world import Sensing
+from urbanjax.sim.sensing import Sensing
 from urbanjax.types import ScenarioError, as_arrays
 
 

@@ -20,13 +20,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.drivers import IdmDriver
-from urbanjax.evaluation import programs
+from urbanjax.evaluation import programs, whereabouts
 from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.missions.localized import LocalizedMission
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission
-from urbanjax.evaluation.programs import SEGMENT, compiled
+from urbanjax.evaluation.programs import SEARCH, SEGMENT, compiled
 from urbanjax.evaluation.scores.epdms_windows import PERIOD
 from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
+from urbanjax.evaluation.whereabouts import Whereabouts
 from urbanjax.rollout import LoopParams, Underway
 from urbanjax.sim.log import Log
 from urbanjax.types import ConfigError, as_arrays, host_record
@@ -39,7 +41,7 @@ CHUNK = 16  # drives at once: faster per drive than one or 64
 class Job:
     """One drive to be done."""
 
-    mission: Mission | RecordedMission
+    mission: Mission | LocalizedMission | RecordedMission
     seed: int
 
 
@@ -89,18 +91,21 @@ def _ended(
     """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
         numbered = list(group)
-        needed = streams()[: -(-len(numbered) // chunk)]
+        at_once = 1 if isinstance(numbered[0][1].mission, LocalizedMission) else chunk
+        needed = streams()[: -(-len(numbered) // at_once)]
         if len(needed) == 1:
-            yield from _stream(loop, numbered, traffic, chunk, logs, epdms=epdms)
+            yield from _stream(loop, numbered, traffic, at_once, logs, epdms=epdms)
             continue
         found: queue.SimpleQueue = queue.SimpleQueue()
         wanted = _Shared(numbered)
 
-        def work(device: Any, found: queue.SimpleQueue = found, wanted: _Shared = wanted) -> None:
+        def work(
+            device: Any, found: queue.SimpleQueue = found, wanted: _Shared = wanted, at_once: int = at_once
+        ) -> None:
             end: Any = None
             try:
                 with jax.default_device(device) if device else contextlib.nullcontext():
-                    for pair in _stream(loop, wanted, traffic, chunk, logs, epdms=epdms):
+                    for pair in _stream(loop, wanted, traffic, at_once, logs, epdms=epdms):
                         found.put(pair)
             except BaseException as error:
                 end = error
@@ -186,6 +191,7 @@ class _Place:
     case: Case
     parts: list[Log]
     references: list[Log]  # where they are asked for, one for each part
+    believed: list[Whereabouts]  # on scans, one for each part
 
 
 def _stream(
@@ -211,7 +217,7 @@ def _stream(
         new = np.zeros(chunk, bool)
         for k in range(chunk):
             if places[k] is None and (found := next(waiting, None)) is not None:
-                places[k], new[k] = _Place(*found, [], []), True
+                places[k], new[k] = _Place(*found, [], [], []), True
         if not any(places):
             break
         spare = next(place.case for place in places if place)
@@ -221,13 +227,14 @@ def _stream(
             fresh = compiled(programs.fresh)(loop, stacked)
             now = fresh if now is None else compiled(programs.renewed)(now, fresh, new=new)
         theirs = jax.device_get(compiled(programs.references)(loop, stacked, now=now)) if epdms else None
-        now, log, going = jax.block_until_ready(compiled(programs.segment)(loop, stacked, now=now))
-        log, going = jax.device_get((log, going))
+        now, *seen = jax.block_until_ready(compiled(programs.segment)(loop, stacked, now=now))
+        log, going, believed = jax.device_get(seen)
         for k, place in enumerate(places):
             if place is None:
                 continue
             place.parts.append(jax.tree.map(lambda x, k=k: x[k], log))
             place.references += [jax.tree.map(lambda x, k=k: x[k], theirs)] if theirs is not None else []
+            place.believed += [jax.tree.map(lambda x, k=k: x[k], believed)] if believed is not None else []
             if (not going[k] and not whole) or len(place.parts) * SEGMENT >= longest:
                 ended.append(place)
                 places[k] = None
@@ -256,6 +263,9 @@ def _judged(
     for k, place in enumerate(ended):
         row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
         row |= {name: values[k] for name, values in rows.items()}
+        if place.believed:
+            believed, period = jax.tree.map(lambda *x: np.concatenate(x), *place.believed), float(loop.period)
+            row |= whereabouts.columns(believed, steps=round(float(row["duration_s"]) / period), period=period)
         yield place.number, Outcome(place.job, row, whole[k] if logs else None, place.case.vehicle)
 
 
@@ -284,12 +294,14 @@ def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int 
     """
     loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
     ((_, _, case),) = _cases(loop, [(0, job)], traffic, chunk)
-    cases = _stacked([case] * chunk)
+    cases = _stacked([case] * (1 if case.sensing is not None else chunk))
     now = compiled(programs.fresh)(loop, cases)
     steps = max(round(time / float(loop.period)), 0)
     for _ in range(steps // SEGMENT):
-        now, _, _ = compiled(programs.segment)(loop, cases, now=now)
+        now, *_ = compiled(programs.segment)(loop, cases, now=now)
     info = None
-    for _ in range(steps % SEGMENT + 1):
+    for k in range(steps % SEGMENT + 1):
+        if k % SEARCH == 0 and cases.sensing is not None:
+            now = compiled(programs.searched)(loop, cases, now=now)
         now, info = compiled(programs.one_step)(loop, cases, now=now)
     return jax.tree.map(lambda x: x[0], jax.device_get(info))

@@ -8,17 +8,21 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from urbanjax import stack
 from urbanjax.drivers import PdmDriver
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.facts import ROUNDING, at_goal, facts
 from urbanjax.evaluation.scores import epdms_windows
 from urbanjax.evaluation.verdict import judge
+from urbanjax.evaluation.whereabouts import Whereabouts
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams, Underway, begin, go_on
+from urbanjax.sim import world
 from urbanjax.sim.log import Log
-from urbanjax.types import as_arrays
+from urbanjax.types import ConfigError, as_arrays
 
 SEGMENT = 50  # steps between two looks at who is still driving
+SEARCH = 10  # steps between two looks at who is lost; a part of the former
 
 
 @functools.cache
@@ -32,9 +36,29 @@ def _own(loop: LoopParams, case: Case) -> LoopParams:
     return loop if case.vehicle is None else loop.replace(vehicle=case.vehicle)
 
 
+def _driven(loop: LoopParams, case: Case) -> LoopParams:
+    """The loop with the vehicle of a drive, and with the localizer that it asks for."""
+    if case.sensing is not None:
+        if loop.driver is not None:
+            raise ConfigError("only the stack finds its pose from scans; ask such missions of no other driver")
+        loop = loop.replace(stack=loop.stack.replace(localizer="lidar"))
+    return _own(loop, case)
+
+
+def _each(function: Callable[..., Any], cases: Case, *, now: Underway) -> Any:
+    """The function of every drive; those on scans one after the other, so that only who is lost is searched for."""
+    if cases.sensing is None:
+        return jax.vmap(function)(cases, now)
+    return jax.lax.map(lambda pair: function(*pair), (cases, now))
+
+
 def fresh(loop: LoopParams, cases: Case) -> Underway:
     """The loops [C] before their first step. Args: loop, with the driver; cases [C]."""
-    return jax.vmap(lambda case: begin(_own(loop, case), case.course, start=case.start))(cases)
+
+    def one(case: Case) -> Underway:
+        return begin(_driven(loop, case), case.course, start=case.start, sensing=case.sensing)
+
+    return jax.vmap(one)(cases)
 
 
 def renewed(now: Underway, begun: Underway, *, new: jax.Array) -> Underway:
@@ -42,27 +66,66 @@ def renewed(now: Underway, begun: Underway, *, new: jax.Array) -> Underway:
     return jax.tree.map(lambda a, b: jnp.where(new.reshape(-1, *[1] * (a.ndim - 1)), b, a), now, begun)
 
 
-def segment(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Log, jax.Array]:
-    """`SEGMENT` steps of all, and which of them are still driving. Args: loop; cases [C]; now, the loops [C]."""
+def segment(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
+    """`SEGMENT` steps of all, which of them are still driving, and where those on scans believe to be.
 
-    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array]:
-        own = _own(loop, case)
-        after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
+    Args: loop; cases [C]; now, the loops [C].
+    """
+
+    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
+        own = _driven(loop, case)
+        after, log, believed = _on(own, case, now=now)
         seen = facts(log, case, vehicle=own.vehicle)
         late = after.world.time - case.start.time > case.limit + ROUNDING
-        return after, log, ~jnp.any(at_goal(log, case, station=seen.station, ego=seen.ego)) & ~late
+        return after, log, ~jnp.any(at_goal(log, case, station=seen.station, ego=seen.ego)) & ~late, believed
 
-    return jax.vmap(one)(cases, now)
+    return _each(one, cases, now=now)
+
+
+def _on(own: LoopParams, case: Case, *, now: Underway) -> tuple[Underway, Log, Whereabouts | None]:
+    """`SEGMENT` steps of one."""
+    if case.sensing is None:
+        after, (log, _) = go_on(own, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=_nothing)
+        return after, log, None
+
+    def some(now: Underway, _: None) -> tuple[Underway, tuple[Log, Any]]:
+        now = _searched(own, case, now)
+        return go_on(
+            own, case.course, lanes=case.lanes, now=now, n_steps=SEARCH, keep=_localization, sensing=case.sensing
+        )
+
+    after, parts = jax.lax.scan(some, now, length=SEGMENT // SEARCH)
+    log, found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), parts)
+    return after, log, Whereabouts.of(found, log.ego)
+
+
+def searched(loop: LoopParams, cases: Case, *, now: Underway) -> Underway:
+    """The loops [C], with the poses found anew of those that are lost: due every `SEARCH` steps.
+
+    Args: loop; cases [C]; now, the loops [C].
+    """
+    return _each(lambda case, now: _searched(_driven(loop, case), case, now), cases, now=now)
+
+
+def _searched(own: LoopParams, case: Case, now: Underway) -> Underway:
+    if case.sensing is None:
+        return now
+    driver, sim = own.handed_down()
+    seen = world.observe(sim, case.lanes, world=now.world, sensing=case.sensing)
+    return now.replace(state=stack.recover(driver, case.course, state=now.state, observation=seen))
 
 
 def one_step(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Any]:
     """One step of all, and what the driver says of it. Args: loop; cases [C]; now, the loops [C]."""
 
     def one(case: Case, now: Underway) -> tuple[Underway, Any]:
-        after, (_, info) = go_on(_own(loop, case), case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all)
+        own = _driven(loop, case)
+        after, (_, info) = go_on(
+            own, case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all, sensing=case.sensing
+        )
         return after, jax.tree.map(lambda x: x[0], info)
 
-    return jax.vmap(one)(cases, now)
+    return _each(one, cases, now=now)
 
 
 def references(loop: LoopParams, cases: Case, *, now: Underway) -> Log:
@@ -120,3 +183,7 @@ def _nothing(info: Any) -> None:
 
 def _all(info: Any) -> Any:
     return info
+
+
+def _localization(info: Any) -> Any:
+    return info.localization.replace(info=None)

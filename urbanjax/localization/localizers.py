@@ -4,22 +4,26 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jaxlie
+from jax import lax
 
 from urbanjax.course import Course
-from urbanjax.localization import given, lidar
-from urbanjax.localization.lidar import LidarLocalizerParams
-from urbanjax.localization.types import Localization
+from urbanjax.localization import given, lidar, relocalize
+from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
+from urbanjax.localization.relocalize import RelocalizeParams
+from urbanjax.localization.types import Health, Localization
 from urbanjax.types import Observation, ScenarioError
 
 
 class Localizer(NamedTuple):
-    """Two functions.
+    """Three functions.
 
-    `init(params, course, T_map_body) -> state` and `step(params, course, state, observation) -> localization, state`.
+    `init(params, course, T_map_body) -> state`, `step(params, course, state, observation) -> localization, state` and
+    `recover(params, search, course, state, observation) -> state`, with the pose found anew where it was lost.
     """
 
     init: Callable[[LidarLocalizerParams, Course, jaxlie.SE2], Any]
     step: Callable[[LidarLocalizerParams, Course, Any, Observation], tuple[Localization, Any]]
+    recover: Callable[[LidarLocalizerParams, RelocalizeParams, Course, Any, Observation], Any]
 
 
 def _lidar_step(
@@ -30,7 +34,25 @@ def _lidar_step(
     return lidar.step(params, course.map, course.graph, state, observation)
 
 
+def _lidar_recover(
+    params: LidarLocalizerParams, search: RelocalizeParams, course: Course, state: LidarState, observation: Observation
+) -> LidarState:
+    def find() -> LidarState:
+        starts = relocalize.lane_starts(course.graph, state.T_map_body, count=search.starts)
+        assert course.map is not None
+        return relocalize.relocalize(
+            search, params, world=course.map, state=state, observation=observation, starts=starts
+        )[1]
+
+    health = state.monitor.health
+    return lax.cond((health == Health.LANE) | (health == Health.RELOCALIZE), find, lambda: state)
+
+
 LOCALIZERS = {
-    "given": Localizer(lambda *_: None, lambda params, course, state, observation: (given.step(observation), None)),
-    "lidar": Localizer(lambda params, course, T_map_body: lidar.init(params, T_map_body), _lidar_step),
+    "given": Localizer(
+        lambda *_: None,
+        lambda params, course, state, observation: (given.step(observation), None),
+        lambda params, search, course, state, observation: state,
+    ),
+    "lidar": Localizer(lambda params, course, T_map_body: lidar.init(params, T_map_body), _lidar_step, _lidar_recover),
 }

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import jaxlie
 from jax import Array
 
-from urbanjax.types import Odometry, VehicleState, pytree
+from urbanjax.types import Observation, Odometry, VehicleState, pytree
 
 
 class Health(enum.IntEnum):
@@ -45,6 +45,15 @@ class Localization:
     def brake(self, emergency: Array) -> Array:
         """The share of full braking: that of an `emergency`, and all of it where the pose is lost."""
         return jnp.where(self.health == Health.STOP, jnp.ones_like(emergency), emergency)
+
+    def in_world(self, observation: Observation) -> Observation:
+        """The observation with its objects in the frame of the pose: those seen from the vehicle are where it believes.
+
+        Args: observation, of this step; one with a pose is returned as it is.
+        """
+        if observation.pose is not None:
+            return observation
+        return observation.replace(objects=observation.objects.seen_from(self.pose))
 
     def vehicle_state(self, odometry: Odometry) -> VehicleState:
         """The vehicle at this pose, moving as the odometry says."""

@@ -9,6 +9,7 @@ from urbanjax.registration.distributions import DistributionMap, MapParams, inde
 from urbanjax.types import CloudError, pytree, static
 
 CAPACITY = 32768  # voxels of a window, where none is set
+ASIDE = 150.0  # m, to which something is taken out of a map
 
 
 @pytree
@@ -144,3 +145,38 @@ def _stretches(world: VoxelMap, corner: Array, params: CutParams) -> tuple[Array
     which = jnp.minimum(jnp.sum(slot[:, None] >= ends[None, :], axis=1), len(row) - 1)
     there = slot < ends[-1]
     return jnp.where(there, (begin - ends + count)[which] + slot, 0), there, ends[-1]
+
+
+def without(
+    world: VoxelMap, centre: Float[Array, "2"], *, heading: Float[Array, ""], length: float | Array
+) -> VoxelMap:
+    """The map without what lies in a slab across a road: its voxels hold no points any more. Shapes stay.
+
+    Args: world, the map; centre [2] m, of the slab; heading [] rad, of the road; length [m] of the slab along it; it
+    reaches `ASIDE` to both sides.
+    """
+    place = (world.cell + world.first[None])[:, :2].astype(world.rows.dtype) * world.resolution + world.rows[:, :2]
+    away = place - centre[None]
+    along = away @ jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+    gone = (jnp.abs(along) < length / 2) & (jnp.sum(away**2, axis=1) < ASIDE**2)
+    return world.replace(rows=world.rows.at[:, 9].multiply(jnp.where(gone, 0.0, 1.0)))
+
+
+def padded(world: VoxelMap, voxels: int, *, tiles: int) -> VoxelMap:
+    """The same map in arrays that maps of other places share, so that one program serves all (host side).
+
+    Raises CloudError where it does not fit. Args: world, the map; voxels, V of the result; tiles, along x and along y.
+    """
+    held, (rows, columns) = len(world.cell), world.start.shape
+    if held > voxels or rows > tiles or columns > tiles + 1:
+        raise CloudError(
+            f"a map of {held} voxels, {rows} x {columns - 1} tiles, does not fit into {voxels}, {tiles} x {tiles}: "
+            "map less, or raise the voxel size"
+        )
+    start = np.pad(np.asarray(world.start), ((0, 0), (0, tiles + 1 - columns)), mode="edge")
+    start = np.pad(start, ((0, tiles - rows), (0, 0)), constant_values=held)
+    return world.replace(
+        cell=np.pad(np.asarray(world.cell), ((0, voxels - held), (0, 0))),
+        rows=np.pad(np.asarray(world.rows), ((0, voxels - held), (0, 0))),
+        start=start.astype(np.int32),
+    )

@@ -13,11 +13,11 @@ from urbanjax.roadmap.locate import LocateParams, follow
 from urbanjax.sim import agents, mobil, priority, reaction, replay, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import LaneTables
-from urbanjax.sim.lidar import LidarParams, sweep
+from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.replay import Replay
-from urbanjax.sim.scenery.scenery import Scenery
+from urbanjax.sim.sensing import Sensing, sensed
 from urbanjax.sim.signals import SignalPhases, SignalProgram
 from urbanjax.types import (
     HANDED_DOWN,
@@ -217,14 +217,6 @@ def _holds(lanes: LaneTables, shown: Signals, drivers: mobil.Drivers, params: Tr
     return jnp.minimum(jnp.minimum(red, end), way)[:-1]
 
 
-@pytree
-class Sensing:
-    """What a sensor needs of the world beyond the road, for egos that find their pose from scans."""
-
-    surroundings: Scenery
-    key: Array  # of the noise
-
-
 def observe(
     params: SimParams,
     lanes: LaneTables,
@@ -235,30 +227,21 @@ def observe(
 ) -> Observation:
     """What the ego perceives: its pose, odometry, the nearest objects within range, and all signals.
 
-    With `sensing` it is not told its pose, but given a scan of its LiDAR. Args: lanes, of the road; world, now; seen,
-    the look at it where it was already taken; sensing, what its LiDAR meets beyond the road users.
+    With `sensing` it is not told its pose, see `sensing.sensed`. Args: lanes, of the road; world, now; seen, the look
+    at it where it was already taken; sensing, what its LiDAR meets beyond the road users.
     """
     ego = world.ego
     seen = look(params, lanes, world=world) if seen is None else seen
-    odometry = Odometry(
-        ego.speed,
-        ego.acceleration,
-        ego.steering,
-        ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase,
-    )
-    scan = None
-    if sensing is not None:
-        key = jax.random.fold_in(sensing.key, world.count)
-        scan = sweep(
-            params.lidar, sensing.surroundings, vehicles=seen.others, ego=ego, yaw_rate=odometry.yaw_rate, key=key
-        )
-    return Observation(
-        odometry=odometry,
+    yaw_rate = ego.speed * jnp.tan(ego.steering) / params.vehicle.wheelbase
+    given = Observation(
+        odometry=Odometry(ego.speed, ego.acceleration, ego.steering, yaw_rate),
         objects=nearest_objects(params, seen.others, centre=seen.centre),
         signals=seen.signals,
-        pose=ego.pose if sensing is None else None,
-        scan=scan,
+        pose=ego.pose,
     )
+    if sensing is None:
+        return given
+    return sensed(params.lidar, sensing, given=given, ego=ego, others=seen.others, time=world.time, count=world.count)
 
 
 def everybody(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Objects:

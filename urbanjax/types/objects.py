@@ -3,6 +3,7 @@
 import enum
 
 import jax.numpy as jnp
+import jaxlie
 from jax import Array
 
 from urbanjax.types.struct import pytree
@@ -31,6 +32,13 @@ class Objects:
     def with_kinds(self) -> "Objects":
         """The same with `kind` filled in."""
         return self if self.kind is not None else self.replace(kind=jnp.zeros(self.valid.shape, jnp.int32))
+
+    def seen_from(self, T_to_from: jaxlie.SE2) -> "Objects":
+        """The same in another frame. Args: T_to_from, of the frame that they are in, seen from the other."""
+        cos, sin, dx, dy = T_to_from.unit_complex_xy
+        x, y = self.position[:, 0], self.position[:, 1]
+        position = jnp.stack([cos * x - sin * y + dx, sin * x + cos * y + dy], axis=1)
+        return self.replace(position=position, heading=self.heading + T_to_from.rotation().as_radians())
 
 
 @pytree

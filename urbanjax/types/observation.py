@@ -29,7 +29,7 @@ class Observation:
     """One step's input: a pose or a scan, odometry, objects and signals."""
 
     odometry: Odometry
-    objects: Objects
+    objects: Objects  # in the frame of the pose where that is given, else in the body frame: as they are seen
     signals: Signals
     pose: jaxlie.SE2 | None = None  # T_world_body, rear axle
     scan: Scan | None = None  # stamped now

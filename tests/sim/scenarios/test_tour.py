@@ -9,8 +9,9 @@ from urbanjax.course import course_between
 from urbanjax.roadmap.builders import curve
 from urbanjax.sim.scenarios import tour
 from urbanjax.sim.scenarios.tour import TourParams
+from urbanjax.sim.sensing import WheelErrors
 
-EXACT = TourParams(wheel_scale=1.0, wheel_noise=0.0, yaw_bias=0.0, yaw_noise=0.0, vehicles=5, speed=15.0)
+EXACT = TourParams(wheels=WheelErrors(1.0, 0.0, 0.0, 0.0), vehicles=5, speed=15.0)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def test_traffic_stays_around_and_off_the_own_lane(driven):
 
 def test_noise_has_its_size():
     graph = curve(40.0, n_lanes=2)
-    params = TourParams(wheel_scale=1.01, wheel_noise=0.05, yaw_bias=0.002, yaw_noise=0.003)
+    params = TourParams(wheels=WheelErrors(1.01, 0.05, 0.002, 0.003))
     drive = tour.drive(jax.random.key(1), course_between(graph, 1, goal=1).corridor, params=params)
     off = np.asarray(drive.odometry.speed - 1.01 * drive.ego.speed)
     assert abs(off.mean()) < 0.02

@@ -15,6 +15,7 @@ DISTRICT = dataclasses.replace(
     graph=GraphSize(n_links=196, n_successors=3, n_relations=9, n_signals_per_link=1),
     n_signals=10,
     n_vehicles=32,
+    n_prisms=4096,
 )
 
 

@@ -35,6 +35,7 @@ class StageSize:
     n_vehicles: int = 12
     n_recorded: int = 0  # road users that move as written
     n_times: int = 0  # records of those
+    n_prisms: int = 512  # that stand beside the road, where it is looked at by a LiDAR
 
 
 @host_record

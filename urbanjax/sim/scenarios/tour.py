@@ -7,6 +7,7 @@ from jax import Array
 
 from urbanjax.roadmap.corridor import Corridor
 from urbanjax.roadmap.progress import sample, to_world
+from urbanjax.sim.sensing import WheelErrors
 from urbanjax.types import POSITIVE, Objects, Odometry, VehicleState, field, pytree, static
 from urbanjax.vehicle.params import VehicleParams
 
@@ -24,10 +25,7 @@ class TourParams:
     acceleration: float = 1.5  # m/s^2
     deceleration: float = 2.0  # m/s^2
     offset: float = 0.0  # m, left of the route's lane
-    wheel_scale: float = 1.005  # of the speed that the wheels report
-    wheel_noise: float = 0.05  # m/s
-    yaw_bias: float = 0.001  # rad/s
-    yaw_noise: float = 0.003  # rad/s
+    wheels: WheelErrors = WheelErrors()
     traffic_speed: tuple[float, float] = (6.0, 14.0)  # m/s
     traffic_reach: float = 90.0  # m ahead and behind, within which vehicles stay
     vehicles: int = static(default=20)
@@ -65,14 +63,13 @@ def drive(key: Array, corridor: Corridor, *, params: TourParams, vehicle: Vehicl
     speed = jnp.asarray(speed, position.dtype)
     yaw_rate = speed * curvature
     steering = jnp.arctan(vehicle.wheelbase * curvature)
-    noisy = speed * params.wheel_scale + params.wheel_noise * jax.random.normal(keys[0], speed.shape)
-    turning = yaw_rate + params.yaw_bias + params.yaw_noise * jax.random.normal(keys[1], speed.shape)
+    rolled, turned = params.wheels.on(speed, yaw_rate, keys=keys)
     return Tour(
         time=jnp.asarray(time, position.dtype),
         station=jnp.asarray(station, position.dtype),
         ego=VehicleState(position, heading, speed, acceleration, steering),
         yaw_rate=yaw_rate,
-        odometry=Odometry(jnp.maximum(noisy, 0), acceleration, steering, turning),
+        odometry=Odometry(rolled, acceleration, steering, turned),
         vehicles=_traffic(keys[2], corridor, jnp.asarray(station), jnp.asarray(time), params),
     )
 
