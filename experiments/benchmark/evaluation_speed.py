@@ -20,8 +20,10 @@ import jax
 import numpy as np
 
 from urbanjax.course import Course
-from urbanjax.evaluation.batch import CHUNK, Job, outcomes, streams
+from urbanjax.evaluation.batch import CHUNK, Job, outcomes
 from urbanjax.evaluation.case import Case
+from urbanjax.evaluation.missions.mission import LONGEST
+from urbanjax.evaluation.streams import streams
 from urbanjax.io.bridges.highway.environment import make_idm, open_environment
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.agents import TrafficParams
@@ -60,6 +62,7 @@ class DistrictMission:
     scenario: CirculateParams
     name: str = "district"
     size: StageSize = StageSize()  # one for all
+    longest: float = LONGEST  # s, of logs
 
     def case(self, seed: int, *, others: TrafficParams, vehicle: VehicleParams) -> Case:
         """The drive of a seed."""
@@ -88,7 +91,7 @@ def measure(
     block = CHUNK * at_once
     drives = max(study.drives, block * (WARM + 1))
     whole = drives // block
-    mission: Any = DistrictMission(jax.device_get(course), jax.device_get(lanes), scenario)
+    mission = DistrictMission(jax.device_get(course), jax.device_get(lanes), scenario)
     jobs = [Job(mission, study.seed + k) for k in range(drives)]
     ended, busy, memory, compiled = [time.perf_counter()], [time.process_time()], [_resident_mb()], [0]
     names: list[str] = []  # of the programs that were compiled

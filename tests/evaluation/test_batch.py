@@ -1,5 +1,9 @@
 """Drives in chunks: what comes out does not depend on what else is in them."""
 
+import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,13 +14,18 @@ from urbanjax.evaluation import batch
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
 from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.parameter_sets import parameter_sets
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.rollout import LoopParams, rollout
+from urbanjax.sim.agents import TrafficParams
+from urbanjax.sim.world import SimParams
 from urbanjax.types import ConfigError, as_arrays
+from urbanjax.vehicle.following import IDMParams
 
 LOOP = LoopParams(driver=IdmDriver())
 JOBS = [Job(MISSIONS[name], seed) for name, seed in (("cut_in", 0), ("cut_in", 1), ("signal_left", 2), ("cut_in", 3))]
 CHUNK = 4
+SETS = [LOOP, *(LoopParams(driver=IdmDriver(following=IDMParams(time_headway=headway))) for headway in (0.7, 2.5))]
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +40,31 @@ def equal(one, other):
         np.testing.assert_array_equal(value, other.row[name], err_msg=name)
 
 
+def of_sets(jobs, numbers):
+    return [dataclasses.replace(job, params=k) for job in jobs for k in numbers]
+
+
+def equal_alone(one, alone):
+    """The outcome of a drive of several sets, and of the same with its set alone."""
+    row = dict(one.row)
+    assert row.pop("params") == one.job.params
+    equal(Outcome(dataclasses.replace(one.job, params=0), row), alone)
+
+
+@contextmanager
+def compilations() -> Iterator[list[str]]:
+    heard: list[str] = []
+
+    def count(event: str, duration: float, **told: object) -> None:
+        heard.extend([str(told["fun_name"])] if event == "/jax/core/compile/backend_compile_duration" else [])
+
+    jax.monitoring.register_event_duration_secs_listener(count)
+    try:
+        yield heard
+    finally:
+        jax.monitoring.unregister_event_duration_listener(count)
+
+
 def test_a_drive_is_the_same_in_any_company(found):
     turned = list(outcomes(LOOP, JOBS[::-1], chunk=CHUNK))[::-1]
     fewer = list(outcomes(LOOP, JOBS[1:], chunk=CHUNK))
@@ -38,6 +72,60 @@ def test_a_drive_is_the_same_in_any_company(found):
         equal(one, turned[k])
         if k:
             equal(one, fewer[k - 1])
+
+
+def test_sets_share_the_program_and_each_drive_is_that_of_its_set_alone(found):
+    """Three sets in every chunk of four; the program is the one that drove a single set before."""
+    jobs = of_sets(JOBS, range(3))
+    with compilations() as heard:
+        mixed = list(outcomes(SETS, jobs, chunk=CHUNK))
+        assert set(heard) <= {"jit(renewed)"}, "the first time that more is driven than there are places"
+        heard.clear()
+        alone = [list(outcomes(loop, JOBS, chunk=CHUNK)) for loop in SETS]
+        assert not heard
+    assert [one.job for one in mixed] == jobs
+    for k, one in enumerate(mixed):
+        equal_alone(one, alone[k % 3][k // 3])
+    for one, plain in zip(found, alone[0], strict=True):
+        equal(one, plain)
+        assert "params" not in plain.row
+    assert len({tuple(float(one.row["commonroad_total"]) for one in drives) for drives in alone}) == len(SETS)
+
+
+@pytest.mark.parametrize(
+    ("sets", "message"),
+    [
+        ([LOOP, LoopParams(driver=Standstill())], "set 1 differs from set 0 in 'driver'"),
+        ([LOOP, LOOP, LOOP.replace(period=0.2)], "set 2 differs from set 0 in 'period', .* the same in all"),
+        (
+            [LOOP, LOOP.replace(sim=SimParams(traffic=TrafficParams(n_links=3)))],
+            "set 1 differs from set 0 in 'sim\\.traffic\\.n_links'",
+        ),
+        (
+            [LOOP, LOOP.replace(vehicle=LOOP.vehicle.replace(length=np.full(2, 4.7)))],
+            "set 1 differs from set 0 in 'vehicle\\.length'",
+        ),
+        ([], "no parameter set"),
+        ([LOOP] * 3, "no parameter set 3: give jobs a number from 0 to 2"),
+    ],
+)
+def test_sets_that_no_program_holds_are_refused(sets, message):
+    with pytest.raises(ConfigError, match=message):
+        next(outcomes(sets, of_sets(JOBS, [0, 3])))
+
+
+@pytest.mark.slow
+def test_replayed_traffic_is_that_of_the_set():
+    sets = [LOOP.replace(sim=SimParams(traffic=TrafficParams(idm=IDMParams(time_headway=t)))) for t in (1.0, 2.5)]
+    mixed = list(outcomes(sets, of_sets(JOBS[:2], (1, 0)), traffic="replay", chunk=CHUNK))
+    alone = [list(outcomes(loop, JOBS[:2], traffic="replay", chunk=CHUNK)) for loop in sets]
+    for k, one in enumerate(mixed):
+        equal_alone(one, alone[one.job.params][k // 2])
+    asked = [
+        batch.moment(*args, traffic="replay", time=3.2, chunk=CHUNK)
+        for args in ((sets, mixed[0].job), (sets[1], JOBS[0]))
+    ]
+    jax.tree.map(np.testing.assert_array_equal, *asked)
 
 
 @pytest.mark.slow
@@ -124,7 +212,7 @@ def test_places_are_taken_again(found):
 def test_replayed_traffic_moves_as_it_did_with_idm_in_the_egos_place():
     """With the same driver in that place all is as it was; with another one nobody minds."""
     jobs, standing = JOBS[:2], LOOP.replace(driver=Standstill())
-    idm = list(batch._stream(as_arrays(LOOP), enumerate(jobs), "idm", CHUNK, logs=True, whole=True))
+    idm = list(batch._stream(parameter_sets(LOOP, traffic="idm"), enumerate(jobs), "idm", CHUNK, logs=True, whole=True))
     for loop, same in ((LOOP, True), (standing, False)):
         for (_, was), one in zip(idm, outcomes(loop, jobs, traffic="replay", chunk=CHUNK, logs=True), strict=True):
             v, n = was.log.traffic.valid.shape[1], round(float(one.row["duration_s"]) * 10)

@@ -133,7 +133,9 @@ def test_only_the_stack_is_asked(quick):
 def test_the_row_says_how_well_it_knew_where_it_was():
     error = np.array([0.1, 0.2, 4.0, 0.7, 0.1, 9.0])
     health = np.array([Health.NORMAL, Health.PREDICT, Health.RELOCALIZE, Health.NORMAL, Health.STOP, Health.NORMAL])
-    found = whereabouts.columns(Whereabouts(error, health), steps=5, period=0.1)
+    parts = [Whereabouts(error[:4], health[:4]), Whereabouts(error[4:], health[4:])]
+    found = whereabouts.columns(parts, duration=0.5, period=0.1)
+    assert whereabouts.columns([], duration=0.5, period=0.1) == {}
     assert found == pytest.approx(
         {
             "localization_mean_error_m": 5.1 / 5,

@@ -5,14 +5,10 @@ places that nobody takes any more hold repeats. What comes out for a drive does 
 chunk, nor on when it began.
 """
 
-import contextlib
 import dataclasses
+import functools
 import itertools
-import os
-import queue
-import threading
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -23,15 +19,17 @@ from urbanjax.drivers import IdmDriver
 from urbanjax.evaluation import programs, whereabouts
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions.localized import LocalizedMission
-from urbanjax.evaluation.missions.mission import LONGEST, Mission
+from urbanjax.evaluation.missions.protocol import Drives
 from urbanjax.evaluation.missions.recorded import RecordedMission
+from urbanjax.evaluation.parameter_sets import ParameterSets, parameter_sets
 from urbanjax.evaluation.programs import SEARCH, SEGMENT, compiled
 from urbanjax.evaluation.scores.epdms_windows import PERIOD
-from urbanjax.evaluation.traffic import as_recorded, mannered, mannered_sim
+from urbanjax.evaluation.streams import dealt, streams
+from urbanjax.evaluation.traffic import as_recorded, mannered
 from urbanjax.evaluation.whereabouts import Whereabouts
 from urbanjax.rollout import LoopParams, Underway
 from urbanjax.sim.log import Log
-from urbanjax.types import ConfigError, as_arrays, host_record
+from urbanjax.types import ConfigError, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 CHUNK = 16  # drives at once: faster per drive than one or 64
@@ -41,8 +39,9 @@ CHUNK = 16  # drives at once: faster per drive than one or 64
 class Job:
     """One drive to be done."""
 
-    mission: Mission | LocalizedMission | RecordedMission
+    mission: Drives
     seed: int
+    params: int = 0  # number of the parameter set that drives
 
 
 @host_record
@@ -59,7 +58,7 @@ Numbered = tuple[int, Job]
 
 
 def outcomes(
-    loop: LoopParams,
+    loop: LoopParams | Sequence[LoopParams],
     jobs: Sequence[Job],
     *,
     traffic: str = "idm",
@@ -69,16 +68,18 @@ def outcomes(
 ) -> Iterator[Outcome]:
     """The outcome of every job, in their order, as drives end.
 
-    All missions of one size share a program. Args: loop, with the driver; jobs; traffic, how the others drive (see
-    `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept; epdms, whether rows hold
-    that score too, for which `pdm` drives beside everybody. Raises ConfigError for it with another period than its own.
+    All missions of one size share a program, and so do parameter sets. Args: loop, with the driver, or several of them
+    that differ in values alone: then jobs say of which they are, and rows say it in the column `params`; jobs; traffic,
+    how the others drive (see `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept;
+    epdms, whether rows hold that score too, for which `pdm` drives beside everybody. Raises ConfigError for it with
+    another period than its own, for sets that no one program holds, and for a job of a set that there is not.
     """
-    if epdms and not np.isclose(float(loop.period), PERIOD):
-        raise ConfigError(f"'epdms' is defined on steps of {PERIOD} s, and 'period' is {float(loop.period):g} s")
-    loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
+    sets = parameter_sets(loop, traffic=traffic, asked={job.params for job in jobs})
+    if epdms and not np.isclose(sets.period, PERIOD):
+        raise ConfigError(f"'epdms' is defined on steps of {PERIOD} s, and 'period' is {sets.period:g} s")
     early: dict[int, Outcome] = {}
     following = 0
-    for number, outcome in _ended(loop, jobs, traffic, chunk, logs, epdms):
+    for number, outcome in _ended(sets, jobs, traffic, chunk, logs, epdms):
         early[number] = outcome
         while following in early:
             yield early.pop(following)
@@ -86,73 +87,19 @@ def outcomes(
 
 
 def _ended(
-    loop: LoopParams, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool
+    sets: ParameterSets, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool
 ) -> Iterator[tuple[int, Outcome]]:
     """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
-    for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: pair[1].mission.size):
+    for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: _shape(pair[1])):
         numbered = list(group)
         at_once = 1 if isinstance(numbered[0][1].mission, LocalizedMission) else chunk
-        needed = streams()[: -(-len(numbered) // at_once)]
-        if len(needed) == 1:
-            yield from _stream(loop, numbered, traffic, at_once, logs, epdms=epdms)
-            continue
-        found: queue.SimpleQueue = queue.SimpleQueue()
-        wanted = _Shared(numbered)
-
-        def work(
-            device: Any, found: queue.SimpleQueue = found, wanted: _Shared = wanted, at_once: int = at_once
-        ) -> None:
-            end: Any = None
-            try:
-                with jax.default_device(device) if device else contextlib.nullcontext():
-                    for pair in _stream(loop, wanted, traffic, at_once, logs, epdms=epdms):
-                        found.put(pair)
-            except BaseException as error:
-                end = error
-            finally:
-                found.put(end)
-
-        with ThreadPoolExecutor(len(needed)) as pool:
-            try:
-                for device in needed:
-                    pool.submit(work, device)
-                ended = 0
-                while ended < len(needed):
-                    pair = found.get()
-                    if isinstance(pair, BaseException):
-                        raise pair
-                    ended += pair is None
-                    if pair is not None:
-                        yield pair
-            finally:
-                wanted.end()  # the others end with the drives that they have begun
+        drive = functools.partial(_stream, sets, traffic=traffic, chunk=at_once, logs=logs, epdms=epdms)
+        yield from dealt(numbered, drive, devices=streams()[: -(-len(numbered) // at_once)])
 
 
-class _Shared:
-    """An iterator that several threads take from."""
-
-    def __init__(self, items: Iterable[Numbered]) -> None:
-        self._items, self._lock = iter(items), threading.Lock()
-
-    def __iter__(self) -> "_Shared":
-        return self
-
-    def __next__(self) -> Numbered:
-        with self._lock:
-            return next(self._items)
-
-    def end(self) -> None:
-        """Let there be no further items."""
-        with self._lock:
-            self._items = iter(())
-
-
-def streams() -> list[Any]:
-    """The device of every stream of chunks, None for the only one: a chunk by itself leaves cores of a CPU idle."""
-    devices = jax.local_devices()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    at_once = max(cores // len(devices), 1) if devices[0].platform == "cpu" else 1
-    return [None] * at_once if len(devices) == 1 else [device for _ in range(at_once) for device in devices]
+def _shape(job: Job) -> tuple[Hashable, float]:
+    """What the shapes of a drive and of its log depend on."""
+    return job.mission.size, job.mission.longest
 
 
 def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
@@ -164,22 +111,29 @@ def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
     return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
 
 
-def _cases(loop: LoopParams, jobs: Iterable[Numbered], traffic: str, chunk: int) -> Iterator[tuple[int, Job, Case]]:
+def _cases(sets: ParameterSets, jobs: Iterable[Numbered], traffic: str, chunk: int) -> Iterator[tuple[int, Job, Case]]:
     """The jobs with their drives; those of replayed traffic are driven by IDM first, a chunk at a time."""
     if traffic != "replay":
         for number, job in jobs:
-            yield number, job, case_of(loop, job, traffic=traffic)
+            yield number, job, case_of(sets.each[job.params], job, traffic=traffic)
         return
-    waiting, follower = iter(jobs), loop.replace(driver=as_arrays(IdmDriver()))
+    waiting, follower = iter(jobs), sets.with_driver(IdmDriver())
     while part := list(itertools.islice(waiting, chunk)):
         if isinstance(part[0][1].mission, RecordedMission):
-            yield from ((number, job, case_of(loop, job, traffic=traffic)) for number, job in part)
+            yield from ((number, job, case_of(sets.each[job.params], job, traffic=traffic)) for number, job in part)
             continue
-        for number, one in _stream(follower, part, "idm", chunk, logs=True, whole=True):
+        asked = dict(part)
+        given = [(number, dataclasses.replace(job, mission=_given(job.mission))) for number, job in part]
+        for number, one in _stream(follower, given, "idm", chunk, logs=True, whole=True):
             assert one.log is not None
-            case = case_of(loop, one.job, traffic=traffic)
-            start = as_recorded(case.start, one.log, period=float(loop.period))
-            yield number, one.job, dataclasses.replace(case, start=start)
+            case = case_of(sets.each[one.job.params], asked[number], traffic=traffic)
+            start = as_recorded(case.start, one.log, period=sets.period)
+            yield number, asked[number], dataclasses.replace(case, start=start)
+
+
+def _given(mission: Drives) -> Drives:
+    """The same drives with their poses given."""
+    return mission.mission if isinstance(mission, LocalizedMission) else mission
 
 
 @dataclasses.dataclass
@@ -195,7 +149,7 @@ class _Place:
 
 
 def _stream(
-    loop: LoopParams,
+    sets: ParameterSets,
     jobs: Iterable[Numbered],
     traffic: str,
     chunk: int,
@@ -207,12 +161,12 @@ def _stream(
 
     Where the `whole` is asked for they go on to the end of the longest drive.
     """
-    waiting = _cases(loop, jobs, traffic, chunk)
+    waiting = _cases(sets, jobs, traffic, chunk)
     places: list[_Place | None] = [None] * chunk
     ended: list[_Place] = []
-    longest = round(LONGEST / float(loop.period))
     now: Underway | None = None
     cases: list[Case] = []
+    loop = sets.at([0] * chunk)
     while True:
         new = np.zeros(chunk, bool)
         for k in range(chunk):
@@ -224,6 +178,7 @@ def _stream(
         cases = [place.case if place else (cases[k] if cases else spare) for k, place in enumerate(places)]
         stacked = _stacked(cases)
         if new.any():
+            loop = sets.at([place.job.params if place else 0 for place in places])
             fresh = compiled(programs.fresh)(loop, stacked)
             now = fresh if now is None else compiled(programs.renewed)(now, fresh, new=new)
         theirs = jax.device_get(compiled(programs.references)(loop, stacked, now=now)) if epdms else None
@@ -235,25 +190,30 @@ def _stream(
             place.parts.append(jax.tree.map(lambda x, k=k: x[k], log))
             place.references += [jax.tree.map(lambda x, k=k: x[k], theirs)] if theirs is not None else []
             place.believed += [jax.tree.map(lambda x, k=k: x[k], believed)] if believed is not None else []
-            if (not going[k] and not whole) or len(place.parts) * SEGMENT >= longest:
+            if (not going[k] and not whole) or len(place.parts) * SEGMENT >= _longest(place.job, sets.period):
                 ended.append(place)
                 places[k] = None
         while len(ended) >= chunk:
-            yield from _judged(loop, ended[:chunk], traffic, chunk, logs)
+            yield from _judged(sets, ended[:chunk], traffic, chunk, logs)
             ended = ended[chunk:]
     if ended:
-        yield from _judged(loop, ended, traffic, chunk, logs)
+        yield from _judged(sets, ended, traffic, chunk, logs)
+
+
+def _longest(job: Job, period: float) -> int:
+    """Steps of the longest drive of a mission."""
+    return round(job.mission.longest / period)
 
 
 def _judged(
-    loop: LoopParams, ended: list[_Place], traffic: str, chunk: int, logs: bool
+    sets: ParameterSets, ended: list[_Place], traffic: str, chunk: int, logs: bool
 ) -> Iterator[tuple[int, Outcome]]:
     """What came of drives that have ended, at most a chunk of them."""
-    longest = round(LONGEST / float(loop.period))
+    longest = _longest(ended[0].job, sets.period)
     full = ended + [ended[-1]] * (chunk - len(ended))
-    whole = [_padded(place.parts, longest, float(loop.period)) for place in full]
+    whole = [_padded(place.parts, longest, sets.period) for place in full]
     stacked = _stacked(whole)
-    cases = _stacked([place.case for place in full])
+    cases, loop = _stacked([place.case for place in full]), sets.at([place.job.params for place in full])
     rows = jax.device_get(compiled(programs.columns)(loop, cases, logs=stacked))
     if full[0].references:
         count = -(-longest // SEGMENT)
@@ -262,10 +222,9 @@ def _judged(
         rows |= jax.device_get(compiled(programs.epdms_columns)(loop, cases, logs=stacked, theirs=theirs))
     for k, place in enumerate(ended):
         row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
+        row |= {"params": place.job.params} if len(sets.each) > 1 else {}
         row |= {name: values[k] for name, values in rows.items()}
-        if place.believed:
-            believed, period = jax.tree.map(lambda *x: np.concatenate(x), *place.believed), float(loop.period)
-            row |= whereabouts.columns(believed, steps=round(float(row["duration_s"]) / period), period=period)
+        row |= whereabouts.columns(place.believed, duration=float(row["duration_s"]), period=sets.period)
         yield place.number, Outcome(place.job, row, whole[k] if logs else None, place.case.vehicle)
 
 
@@ -286,22 +245,24 @@ def _padded(parts: list[Log], steps: int, period: float) -> Log:
     return dataclasses.replace(log, time=np.concatenate([log.time[:known], later]))
 
 
-def moment(loop: LoopParams, job: Job, *, traffic: str, time: float, chunk: int = CHUNK) -> Any:
+def moment(loop: LoopParams | Sequence[LoopParams], job: Job, *, traffic: str, time: float, chunk: int = CHUNK) -> Any:
     """The driver's info in the step at a time of a drive, for whoever asks why.
 
     Up to the last multiple of `SEGMENT` steps by the program that drove it, from there step by step.
-    Args: loop, with the driver; job; traffic, how the others drive; time [s] since the start; chunk, of the drive.
+    Args: loop, with the driver, or several as for `outcomes`; job; traffic, how the others drive; time [s] since the
+    start; chunk, of the drive.
     """
-    loop = as_arrays(loop.replace(sim=mannered_sim(loop.sim, traffic)))
-    ((_, _, case),) = _cases(loop, [(0, job)], traffic, chunk)
-    cases = _stacked([case] * (1 if case.sensing is not None else chunk))
+    sets = parameter_sets(loop, traffic=traffic, asked={job.params})
+    ((_, _, case),) = _cases(sets, [(0, job)], traffic, chunk)
+    chunk = 1 if case.sensing is not None else chunk
+    cases, loop = _stacked([case] * chunk), sets.at([job.params] * chunk)
     now = compiled(programs.fresh)(loop, cases)
-    steps = max(round(time / float(loop.period)), 0)
+    steps = max(round(time / sets.period), 0)
     for _ in range(steps // SEGMENT):
         now, *_ = compiled(programs.segment)(loop, cases, now=now)
     info = None
     for k in range(steps % SEGMENT + 1):
-        if k % SEARCH == 0 and cases.sensing is not None:
+        if k % SEARCH == 0 and case.sensing is not None:
             now = compiled(programs.searched)(loop, cases, now=now)
         now, info = compiled(programs.one_step)(loop, cases, now=now)
     return jax.tree.map(lambda x: x[0], jax.device_get(info))

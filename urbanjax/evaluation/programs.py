@@ -45,20 +45,20 @@ def _driven(loop: LoopParams, case: Case) -> LoopParams:
     return _own(loop, case)
 
 
-def _each(function: Callable[..., Any], cases: Case, *, now: Underway) -> Any:
+def _each(function: Callable[..., Any], loops: LoopParams, *, cases: Case, now: Underway) -> Any:
     """The function of every drive; those on scans one after the other, so that only who is lost is searched for."""
     if cases.sensing is None:
-        return jax.vmap(function)(cases, now)
-    return jax.lax.map(lambda pair: function(*pair), (cases, now))
+        return jax.vmap(function)(loops, cases, now)
+    return jax.lax.map(lambda drive: function(*drive), (loops, cases, now))
 
 
-def fresh(loop: LoopParams, cases: Case) -> Underway:
-    """The loops [C] before their first step. Args: loop, with the driver; cases [C]."""
+def fresh(loops: LoopParams, cases: Case) -> Underway:
+    """The loops [C] before their first step. Args: loops [C], with the driver; cases [C]."""
 
-    def one(case: Case) -> Underway:
+    def one(loop: LoopParams, case: Case) -> Underway:
         return begin(_driven(loop, case), case.course, start=case.start, sensing=case.sensing)
 
-    return jax.vmap(one)(cases)
+    return jax.vmap(one)(loops, cases)
 
 
 def renewed(now: Underway, begun: Underway, *, new: jax.Array) -> Underway:
@@ -66,20 +66,20 @@ def renewed(now: Underway, begun: Underway, *, new: jax.Array) -> Underway:
     return jax.tree.map(lambda a, b: jnp.where(new.reshape(-1, *[1] * (a.ndim - 1)), b, a), now, begun)
 
 
-def segment(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
+def segment(loops: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
     """`SEGMENT` steps of all, which of them are still driving, and where those on scans believe to be.
 
-    Args: loop; cases [C]; now, the loops [C].
+    Args: loops [C]; cases [C]; now, the loops [C].
     """
 
-    def one(case: Case, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
+    def one(loop: LoopParams, case: Case, now: Underway) -> tuple[Underway, Log, jax.Array, Whereabouts | None]:
         own = _driven(loop, case)
         after, log, believed = _on(own, case, now=now)
         seen = facts(log, case, vehicle=own.vehicle)
         late = after.world.time - case.start.time > case.limit + ROUNDING
         return after, log, ~jnp.any(at_goal(log, case, station=seen.station, ego=seen.ego)) & ~late, believed
 
-    return _each(one, cases, now=now)
+    return _each(one, loops, cases=cases, now=now)
 
 
 def _on(own: LoopParams, case: Case, *, now: Underway) -> tuple[Underway, Log, Whereabouts | None]:
@@ -99,12 +99,16 @@ def _on(own: LoopParams, case: Case, *, now: Underway) -> tuple[Underway, Log, W
     return after, log, Whereabouts.of(found, log.ego)
 
 
-def searched(loop: LoopParams, cases: Case, *, now: Underway) -> Underway:
+def searched(loops: LoopParams, cases: Case, *, now: Underway) -> Underway:
     """The loops [C], with the poses found anew of those that are lost: due every `SEARCH` steps.
 
-    Args: loop; cases [C]; now, the loops [C].
+    Args: loops [C]; cases [C]; now, the loops [C].
     """
-    return _each(lambda case, now: _searched(_driven(loop, case), case, now), cases, now=now)
+
+    def one(loop: LoopParams, case: Case, now: Underway) -> Underway:
+        return _searched(_driven(loop, case), case, now)
+
+    return _each(one, loops, cases=cases, now=now)
 
 
 def _searched(own: LoopParams, case: Case, now: Underway) -> Underway:
@@ -115,52 +119,52 @@ def _searched(own: LoopParams, case: Case, now: Underway) -> Underway:
     return now.replace(state=stack.recover(driver, case.course, state=now.state, observation=seen))
 
 
-def one_step(loop: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Any]:
-    """One step of all, and what the driver says of it. Args: loop; cases [C]; now, the loops [C]."""
+def one_step(loops: LoopParams, cases: Case, *, now: Underway) -> tuple[Underway, Any]:
+    """One step of all, and what the driver says of it. Args: loops [C]; cases [C]; now, the loops [C]."""
 
-    def one(case: Case, now: Underway) -> tuple[Underway, Any]:
+    def one(loop: LoopParams, case: Case, now: Underway) -> tuple[Underway, Any]:
         own = _driven(loop, case)
         after, (_, info) = go_on(
             own, case.course, lanes=case.lanes, now=now, n_steps=1, keep=_all, sensing=case.sensing
         )
         return after, jax.tree.map(lambda x: x[0], info)
 
-    return _each(one, cases, now=now)
+    return _each(one, loops, cases=cases, now=now)
 
 
-def references(loop: LoopParams, cases: Case, *, now: Underway) -> Log:
+def references(loops: LoopParams, cases: Case, *, now: Underway) -> Log:
     """What `pdm` as it stands would do from here on in the place of each driver, logs [C, 41] of a window of the EPDMS.
 
-    Args: loop; cases [C]; now, the loops [C].
+    Args: loops [C]; cases [C]; now, the loops [C].
     """
-    pdm = loop.replace(driver=as_arrays(PdmDriver()))
+    pdm = as_arrays(PdmDriver())
 
-    def one(case: Case, now: Underway) -> Log:
-        own = _own(pdm, case)
+    def one(loop: LoopParams, case: Case, now: Underway) -> Log:
+        own = _own(loop.replace(driver=pdm), case)
         its = begin(own, case.course, start=now.world)
         _, (log, _) = go_on(own, case.course, lanes=case.lanes, now=its, n_steps=epdms_windows.STEPS, keep=_nothing)
         return log
 
-    return jax.vmap(one)(cases, now)
+    return jax.vmap(one)(loops, cases, now)
 
 
-def columns(loop: LoopParams, cases: Case, *, logs: Log) -> dict[str, jax.Array]:
-    """All that is said of the drives, columns [C]. Args: loop; cases [C]; logs [C, T], of whole drives."""
+def columns(loops: LoopParams, cases: Case, *, logs: Log) -> dict[str, jax.Array]:
+    """All that is said of the drives, columns [C]. Args: loops [C]; cases [C]; logs [C, T], of whole drives."""
 
-    def one(case: Case, log: Log) -> dict[str, jax.Array]:
+    def one(loop: LoopParams, case: Case, log: Log) -> dict[str, jax.Array]:
         vehicle = _own(loop, case).vehicle
         return judge(facts(log, case, vehicle=vehicle), vehicle)
 
-    return jax.vmap(one)(cases, logs)
+    return jax.vmap(one)(loops, cases, logs)
 
 
-def epdms_columns(loop: LoopParams, cases: Case, *, logs: Log, theirs: Log) -> dict[str, jax.Array]:
+def epdms_columns(loops: LoopParams, cases: Case, *, logs: Log, theirs: Log) -> dict[str, jax.Array]:
     """What the EPDMS says of the drives, columns [C]; a window begins with each segment.
 
-    Args: loop; cases [C]; logs [C, T], of whole drives; theirs [C, K, 41], the `references` of each segment.
+    Args: loops [C]; cases [C]; logs [C, T], of whole drives; theirs [C, K, 41], the `references` of each segment.
     """
 
-    def one(case: Case, log: Log, theirs: Log) -> dict[str, jax.Array]:
+    def one(loop: LoopParams, case: Case, log: Log, theirs: Log) -> dict[str, jax.Array]:
         vehicle = _own(loop, case).vehicle
         endless = dataclasses.replace(
             case, goal=jnp.full_like(case.goal, jnp.inf), limit=jnp.full_like(case.limit, jnp.inf), aim=None
@@ -174,7 +178,7 @@ def epdms_columns(loop: LoopParams, cases: Case, *, logs: Log, theirs: Log) -> d
         values = {spec.name: getattr(found.mean, spec.name) for spec in dataclasses.fields(found.mean)}
         return {f"epdms_driven_{name}": value for name, value in (values | {"windows": found.windows}).items()}
 
-    return jax.vmap(one)(cases, logs, theirs)
+    return jax.vmap(one)(loops, cases, logs, theirs)
 
 
 def _nothing(info: Any) -> None:

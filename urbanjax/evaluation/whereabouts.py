@@ -1,5 +1,7 @@
 """How well a driver knew where it was that had to find its pose from scans."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jax import Array
 
@@ -24,12 +26,16 @@ class Whereabouts:
         return Whereabouts(safe.norm(away), found.health)
 
 
-def columns(believed: Whereabouts, *, steps: int, period: float) -> dict[str, float]:
-    """What the row of a drive says of it (host side).
+def columns(believed: Sequence[Whereabouts], *, duration: float, period: float) -> dict[str, float]:
+    """What the row of a drive says of it, nothing of one whose poses were given (host side).
 
-    Args: believed, of all steps that were driven; steps, until the drive ended; period [s] of one.
+    Args: believed, parts of the drive one after the other; duration [s], until the drive ended; period [s] of a step.
     """
-    error, health = np.asarray(believed.error, float)[:steps], np.asarray(believed.health)[:steps]
+    if not believed:
+        return {}
+    steps = round(duration / period)
+    error, health = (np.concatenate([getattr(part, name) for part in believed])[:steps] for name in ("error", "health"))
+    error = error.astype(float)
     normal = health == Health.NORMAL
     return {
         "localization_mean_error_m": float(error.mean()),

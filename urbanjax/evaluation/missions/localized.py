@@ -83,6 +83,11 @@ class LocalizedMission:
         return f"{self.mission.name}_{self.how}"
 
     @property
+    def longest(self) -> float:
+        """Duration [s] of its logs."""
+        return self.mission.longest
+
+    @property
     def size(self) -> tuple:
         """What the shapes of its cases depend on."""
         return self.mission.size, "mapped"

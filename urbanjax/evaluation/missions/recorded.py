@@ -46,6 +46,11 @@ class RecordedMission:
         return self.scene.name
 
     @property
+    def longest(self) -> float:
+        """Duration [s] of its logs."""
+        return LONGEST
+
+    @property
     def count(self) -> int:
         """Of its drives, which the seeds number."""
         return len(self.scene.starts)
