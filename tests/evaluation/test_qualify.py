@@ -3,6 +3,8 @@
 import pytest
 
 from urbanjax import evaluation
+from urbanjax.drivers import IdmDriver
+from urbanjax.rollout import LoopParams
 from urbanjax.types import ConfigError
 
 
@@ -18,6 +20,9 @@ from urbanjax.types import ConfigError
         ({"seeds": 0}, "seeds is 0"),
         ({"seeds": 1.5}, "seeds is 1.5"),
         ({"params": 3}, "params is a int"),
+        ({"params": [LoopParams(), None]}, "params is a NoneType"),
+        ({"params": []}, "no parameter set"),
+        ({"params": [LoopParams(), LoopParams(driver=IdmDriver())]}, "set 1 differs from set 0 in 'driver'"),
     ],
 )
 def test_a_mistake_is_one_line(asked, message):

@@ -20,7 +20,7 @@ def qualify(
     missions: Sequence[str] = tuple(mission.name for mission in QUALIFICATION),
     seeds: int = 16,
     traffic: str = "idm",
-    params: LoopParams | None = None,
+    params: LoopParams | Sequence[LoopParams] | None = None,
 ) -> dict[str, np.ndarray]:
     """Drives of a driver in every mission, as columns [N] with one entry for each drive.
 
@@ -28,11 +28,14 @@ def qualify(
     `commonroad_total`, `competition_total` and what these are made of. `evaluation.statistics` gives intervals.
     Args: driver, any pytree with `init` and `step` (see `drivers.protocol`; None: the stack of params); missions,
     names in `evaluation.missions.MISSIONS`; seeds, drives of each, of the seeds from 0; traffic, how the others drive
-    (a name in `evaluation.traffic.MANNERS`); params, of the closed loop. Raises ConfigError for names that there are
-    not, and for what is no driver.
+    (a name in `evaluation.traffic.MANNERS`); params, of the closed loop, or several sets of them that differ in values
+    alone: all are driven by one program, and the column `params` counts them from 0. Raises ConfigError for names that
+    there are not, for what is no driver, and for sets that no one program holds.
     """
     params = LoopParams() if params is None else params
-    kind(params, "params", wanted=LoopParams, error=ConfigError)
+    sets = params if isinstance(params, Sequence) else [params]
+    for one in sets:
+        kind(one, "params", wanted=LoopParams, error=ConfigError)
     whole(seeds, "seeds", error=ConfigError, least=1)
     if driver is not None and not all(callable(getattr(driver, name, None)) for name in ("init", "step")):
         raise ConfigError(f"driver is {driver!r}: it needs init(course, pose) and step(course, state, observation)")
@@ -42,7 +45,8 @@ def qualify(
     for asked, there in [*((name, MISSIONS) for name in names), (traffic, MANNERS)]:
         if asked not in there:
             raise ConfigError(f"{asked!r} is none of {', '.join(there)}")
-    loop = params if driver is None else params.replace(driver=driver)
-    jobs = [Job(MISSIONS[name], seed) for name in names for seed in range(seeds)]
-    rows = [{**one.row, "cause": Cause(int(one.row["cause"])).label} for one in outcomes(loop, jobs, traffic=traffic)]
+    loops = sets if driver is None else [one.replace(driver=driver) for one in sets]
+    jobs = [Job(MISSIONS[name], seed, k) for name in names for seed in range(seeds) for k in range(len(sets))]
+    found = outcomes(loops, jobs, traffic=traffic)
+    rows = [{**one.row, "cause": Cause(int(one.row["cause"])).label} for one in found]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
