@@ -2,13 +2,14 @@
 
 import abc
 from collections.abc import Hashable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from urbanjax.evaluation.case import Case
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.vehicle.params import VehicleParams
 
 
+@runtime_checkable
 class Drives(Protocol):
     """Drives that are told apart by a seed, or a number (host side)."""
 
