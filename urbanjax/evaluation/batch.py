@@ -65,21 +65,23 @@ def outcomes(
     chunk: int = CHUNK,
     logs: bool = False,
     epdms: bool = False,
+    judged: bool = True,
 ) -> Iterator[Outcome]:
     """The outcome of every job, in their order, as drives end.
 
     All missions of one size share a program, and so do parameter sets. Args: loop, with the driver, or several of them
     that differ in values alone: then jobs say of which they are, and rows say it in the column `params`; jobs; traffic,
     how the others drive (see `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept;
-    epdms, whether rows hold that score too, for which `pdm` drives beside everybody. Raises ConfigError for it with
-    another period than its own, for sets that no one program holds, and for a job of a set that there is not.
+    epdms, whether rows hold that score too, for which `pdm` drives beside everybody; judged, whether rows say more than
+    which drive they are of. Raises ConfigError for `epdms` with another period than its own, for sets that no one
+    program holds, and for a job of a set that there is not.
     """
     sets = parameter_sets(loop, traffic=traffic, asked={job.params for job in jobs})
     if epdms and not np.isclose(sets.period, PERIOD):
         raise ConfigError(f"'epdms' is defined on steps of {PERIOD} s, and 'period' is {sets.period:g} s")
     early: dict[int, Outcome] = {}
     following = 0
-    for number, outcome in _ended(sets, jobs, traffic, chunk, logs, epdms):
+    for number, outcome in _ended(sets, jobs, traffic, chunk, logs, epdms, judged):
         early[number] = outcome
         while following in early:
             yield early.pop(following)
@@ -87,13 +89,13 @@ def outcomes(
 
 
 def _ended(
-    sets: ParameterSets, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool
+    sets: ParameterSets, jobs: Sequence[Job], traffic: str, chunk: int, logs: bool, epdms: bool, judged: bool
 ) -> Iterator[tuple[int, Outcome]]:
     """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: _shape(pair[1])):
         numbered = list(group)
         at_once = 1 if isinstance(numbered[0][1].mission, LocalizedMission) else chunk
-        drive = functools.partial(_stream, sets, traffic=traffic, chunk=at_once, logs=logs, epdms=epdms)
+        drive = functools.partial(_stream, sets, traffic=traffic, chunk=at_once, logs=logs, epdms=epdms, judged=judged)
         yield from dealt(numbered, drive, devices=streams()[: -(-len(numbered) // at_once)])
 
 
@@ -124,7 +126,7 @@ def _cases(sets: ParameterSets, jobs: Iterable[Numbered], traffic: str, chunk: i
             continue
         asked = dict(part)
         given = [(number, dataclasses.replace(job, mission=_given(job.mission))) for number, job in part]
-        for number, one in _stream(follower, given, "idm", chunk, logs=True, whole=True):
+        for number, one in _stream(follower, given, "idm", chunk, logs=True, whole=True, judged=False):
             assert one.log is not None
             case = case_of(sets.each[one.job.params], asked[number], traffic=traffic)
             start = as_recorded(case.start, one.log, period=sets.period)
@@ -156,6 +158,7 @@ def _stream(
     logs: bool,
     whole: bool = False,
     epdms: bool = False,
+    judged: bool = True,
 ) -> Iterator[tuple[int, Outcome]]:
     """The drives of one device: every place of the chunk is filled again as soon as its drive has ended.
 
@@ -194,10 +197,10 @@ def _stream(
                 ended.append(place)
                 places[k] = None
         while len(ended) >= chunk:
-            yield from _judged(sets, ended[:chunk], traffic, chunk, logs)
+            yield from _outcomes(sets, ended[:chunk], traffic, chunk, logs, judged)
             ended = ended[chunk:]
     if ended:
-        yield from _judged(sets, ended, traffic, chunk, logs)
+        yield from _outcomes(sets, ended, traffic, chunk, logs, judged)
 
 
 def _longest(job: Job, period: float) -> int:
@@ -205,27 +208,34 @@ def _longest(job: Job, period: float) -> int:
     return round(job.mission.longest / period)
 
 
-def _judged(
-    sets: ParameterSets, ended: list[_Place], traffic: str, chunk: int, logs: bool
+def _outcomes(
+    sets: ParameterSets, ended: list[_Place], traffic: str, chunk: int, logs: bool, judged: bool
 ) -> Iterator[tuple[int, Outcome]]:
     """What came of drives that have ended, at most a chunk of them."""
     longest = _longest(ended[0].job, sets.period)
     full = ended + [ended[-1]] * (chunk - len(ended))
     whole = [_padded(place.parts, longest, sets.period) for place in full]
-    stacked = _stacked(whole)
-    cases, loop = _stacked([place.case for place in full]), sets.at([place.job.params for place in full])
-    rows = jax.device_get(compiled(programs.columns)(loop, cases, logs=stacked))
-    if full[0].references:
-        count = -(-longest // SEGMENT)
-        held = [(place.references + place.references[-1:] * count)[:count] for place in full]
-        theirs = _stacked([jax.tree.map(lambda *x: np.stack(x), *logs) for logs in held])
-        rows |= jax.device_get(compiled(programs.epdms_columns)(loop, cases, logs=stacked, theirs=theirs))
+    rows = _columns(sets, full, whole) if judged else {}
     for k, place in enumerate(ended):
         row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
         row |= {"params": place.job.params} if len(sets.each) > 1 else {}
         row |= {name: values[k] for name, values in rows.items()}
-        row |= whereabouts.columns(place.believed, duration=float(row["duration_s"]), period=sets.period)
+        if judged:
+            row |= whereabouts.columns(place.believed, duration=float(row["duration_s"]), period=sets.period)
         yield place.number, Outcome(place.job, row, whole[k] if logs else None, place.case.vehicle)
+
+
+def _columns(sets: ParameterSets, places: list[_Place], whole: list[Log]) -> dict[str, Any]:
+    """What is said of a chunk of drives, columns [C]. Args: whole, their logs."""
+    stacked, loop = _stacked(whole), sets.at([place.job.params for place in places])
+    cases = _stacked([place.case for place in places])
+    rows = jax.device_get(compiled(programs.columns)(loop, cases, logs=stacked))
+    if places[0].references:
+        count = -(-len(whole[0].time) // SEGMENT)
+        held = [(place.references + place.references[-1:] * count)[:count] for place in places]
+        theirs = _stacked([jax.tree.map(lambda *x: np.stack(x), *logs) for logs in held])
+        rows |= jax.device_get(compiled(programs.epdms_columns)(loop, cases, logs=stacked, theirs=theirs))
+    return rows
 
 
 def _stacked(cases: Sequence[Any]) -> Any:
