@@ -1,27 +1,29 @@
 """The rollouts of Fig. 10 over aggressiveness and start: overtaking on a two-lane road."""
 
+import itertools
 import time
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from urbanjax.course import Course, course_between
+from urbanjax.course import course_between
 from urbanjax.evaluation import metrics
+from urbanjax.evaluation.batch import CHUNK, Job, outcomes
+from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.metrics import Metrics
-from urbanjax.numerics.compiling import compiler_options
-from urbanjax.roadmap.corridor import CorridorParams
-from urbanjax.rollout import LoopParams, rollout, steps_of
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.roadmap.corridor import Corridor, CorridorParams
+from urbanjax.rollout import LoopParams, steps_of
 from urbanjax.sim import lanes as tables
+from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.log import Log
 from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import LEADER, RIGHT, OvertakeParams
 from urbanjax.sim.scenarios.scenario import Scenario
-from urbanjax.sim.world import WorldState
-from urbanjax.types import POSITIVE, SEED, SHARE, Unread, as_arrays, field, host_record, pytree, static
+from urbanjax.types import POSITIVE, SEED, SHARE, Unread, as_arrays, field, host_record, pytree, static, with_values
 from urbanjax.vehicle.params import VehicleParams
 
 NO_CLAMP = 1e-6  # s, a least time to collision that never matters
@@ -46,57 +48,67 @@ class OvertakeStudy(LoopParams):
     gif_every: int = static(default=2, metadata={"range": (0, 1000)})  # steps between the pictures, 0 for none
 
 
-def scene(study: OvertakeStudy) -> tuple[Course, LaneTables, Scenario]:
-    """The course, the simulator's tables of its road, and S starts stacked along the first axis."""
+@host_record
+class OvertakeMission:
+    """S starts of the scenario as drives: they ask for nothing, and last as long as is said, whatever they pass."""
+
+    corridor: Corridor  # along the right lane
+    lanes: LaneTables
+    starts: Scenario  # [S]
+    longest: float  # s
+    name: str = "overtaking"
+    size: str = "overtaking"  # one for all
+
+    def case(self, seed: int, *, others: TrafficParams, vehicle: VehicleParams) -> Case:
+        """One of the starts, which were drawn for the study's traffic and vehicle. Args: seed, its number."""
+        start = jax.tree.map(lambda x: np.asarray(x[seed]), self.starts.world)
+        asked: Any = jax.device_get(as_arrays({"goal": np.inf, "limit": self.longest}))
+        return Case(self.corridor, self.lanes, start, **asked)
+
+
+def mission_of(study: OvertakeStudy) -> OvertakeMission:
+    """The drives of the study. Raises ConfigError where they have fewer than two steps."""
+    steps = steps_of(study.duration, study.period)
     graph = overtake.road(study.scenario)
     course = course_between(graph, RIGHT, goal=RIGHT, corridor=study.corridor)
     keys = jax.random.split(jax.random.key(study.seed), study.starts)
     scenario, vehicle, others = as_arrays((study.scenario, study.vehicle, study.sim.traffic))
     draw = jax.vmap(lambda key: overtake.sample(key, scenario, vehicle=vehicle, others=others))
-    starts = jax.jit(draw)(keys)
-    return course, tables.from_graph(graph), starts
+    parts = jax.device_get((course.corridor, tables.from_graph(graph), jax.jit(draw)(keys)))
+    return OvertakeMission(*parts, longest=steps * study.period)
+
+
+def sets_of(study: OvertakeStudy) -> list[LoopParams]:
+    """The closed loops [2 A]: every tau with the study's clamp and without."""
+    loop = study.loop()
+    clamps = loop.stack.behavior.gvp.clamp_time, NO_CLAMP
+    keys = "stack.behavior.gvp.tau", "stack.behavior.gvp.clamp_time"
+    return [with_values(loop, dict(zip(keys, values, strict=True))) for values in itertools.product(study.taus, clamps)]
 
 
 def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None) -> tuple["Fig10", dict[str, float]]:
-    """All rollouts of the study, in one compiled program, and the seconds that it took to compile and to run."""
-    steps = steps_of(study.duration, study.period)
-    course, lanes, starts = scene(study)
-    loop = as_arrays(study.loop())
-    clamp_time = loop.stack.behavior.gvp.clamp_time
-    taus, clamps = as_arrays(jnp.asarray(study.taus)), jnp.stack([clamp_time, jnp.full_like(clamp_time, NO_CLAMP)])
-    tick(f"compiling one program for {len(study.taus)} values of tau and {study.starts} starts")
+    """All drives of the study, and the seconds that they took with compiling."""
     began = time.perf_counter()
-    program = jax.jit(_grid, static_argnames="n_steps", compiler_options=compiler_options())
-    program = program.lower(loop, course, lanes, starts.world, taus, clamps, n_steps=steps).compile()
-    compiled = time.perf_counter()
-    tick(f"driving {2 * len(study.taus) * study.starts} rollouts of {steps} steps")
-    log, way, scores = jax.block_until_ready(program(loop, course, lanes, starts.world, taus, clamps))
-    times = {"compile_s": compiled - began, "run_s": time.perf_counter() - compiled}
-    log, way, scores = jax.device_get((log, way, scores))
-    return gather(study.taus, starts.crowded, log, way, scores, study.vehicle), times
+    mission, sets = mission_of(study), sets_of(study)
+    jobs = [Job(mission, start, params) for params in range(len(sets)) for start in range(study.starts)]
+    logs: list[Log] = []
+    tick(f"{len(jobs)} drives of {mission.longest:g} s")
+    for one in outcomes(sets, jobs, chunk=min(CHUNK, len(jobs)), logs=True, judged=False):
+        assert one.log is not None
+        logs.append(one.log)
+        tick(f"{len(logs)} of {len(jobs)} drives of {mission.longest:g} s")
+    log = jax.tree.map(lambda *x: np.stack(x), *logs)
+    way, scores = jax.device_get(_judged(log, *as_arrays((study.vehicle, study.stack.relaxation))))
+    shape = len(study.taus), 2, study.starts
+    log, way, scores = jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), (log, way, scores))
+    found = gather(study.taus, mission.starts.crowded, log, way, scores, study.vehicle)
+    return found, {"run_s": time.perf_counter() - began}
 
 
-def _grid(
-    loop: LoopParams,
-    course: Course,
-    lanes: LaneTables,
-    starts: WorldState,
-    taus: jax.Array,
-    clamps: jax.Array,
-    n_steps: int,
-) -> tuple[Log, jax.Array, Metrics]:
-    """Log, progress and metrics over [A, 2, S]: tau, with and without the clamp, start."""
-
-    def one(tau: jax.Array, clamp_time: jax.Array, start: WorldState) -> tuple[Log, jax.Array, Metrics]:
-        gvp = loop.stack.behavior.gvp.replace(tau=tau, clamp_time=clamp_time)
-        behavior = loop.stack.behavior.replace(gvp=gvp)
-        log, _ = rollout(loop.replace(stack=loop.stack.replace(behavior=behavior)), course, lanes, start, n_steps)
-        return log, metrics.progress(log), metrics.evaluate(log, loop.vehicle, relaxation=loop.stack.relaxation)
-
-    shape = taus.size, clamps.size, starts.time.size
-    i, k, s = (index.ravel() for index in jnp.indices(shape))
-    flat = jax.vmap(one)(taus[i], clamps[k], jax.tree.map(lambda x: x[s], starts))
-    return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), flat)
+@jax.jit
+def _judged(logs: Log, vehicle: VehicleParams, relaxation: Relaxation) -> tuple[jax.Array, Metrics]:
+    """Progress and metrics of drives, [N, T] and [N]."""
+    return jax.vmap(lambda log: (metrics.progress(log), metrics.evaluate(log, vehicle, relaxation=relaxation)))(logs)
 
 
 @host_record

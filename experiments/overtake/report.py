@@ -6,6 +6,7 @@ from experiments.overtake import figures, study
 from urbanjax.io.figures import animation
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
+from urbanjax.sim.scenarios import overtake
 
 CAPTION = (
     "Means and counts over the paired starts, with 95 % intervals (bootstrap of means, Wilson of shares); "
@@ -32,7 +33,7 @@ def section(params: OvertakeStudy, run: Run) -> report.Section:
         report.Picture("Over all paired starts.", run.path("overtake_means.png")),
     ]
     if params.gif_every:
-        graph = overtaking.scene(params)[0].graph
+        graph = overtake.road(params.scenario)
         frames = figures.pictures(found, graph, start, params.gif_every)
         animation.write_gif(run.path("overtake.gif"), frames, rate=1.0 / (params.gif_every * params.period))
         items.append(report.Picture("The same start at every tau, in real time.", run.path("overtake.gif")))

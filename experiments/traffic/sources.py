@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.common import overtaking as overtake
+from experiments.common import overtaking
 from experiments.common.overtaking import Fig10
 from experiments.traffic.study import TrafficStudy
 from urbanjax.io import logs
@@ -16,6 +16,7 @@ from urbanjax.io.logs.align import LogAlignment, align
 from urbanjax.io.logs.quality import Quality, coarseness, quality
 from urbanjax.io.logs.sampling import raw
 from urbanjax.io.maps import racetrack
+from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.overtake import RIGHT
 from urbanjax.types import ConfigError, host_record
 
@@ -95,8 +96,8 @@ def located(name: str, key: str) -> Path:
 
 def driven(study: TrafficStudy, tick: Callable[[str], None]) -> tuple[list[VehicleLog], np.ndarray, Fig10]:
     """Rollouts of the overtaking study as logs, a team for each tau and a run for each start, and the ego's lane."""
-    course, _, _ = overtake.scene(study.rollouts)
-    found, _ = overtake.drive(study.rollouts, tick)
+    found, _ = overtaking.drive(study.rollouts, tick)
+    road = overtake.road(study.rollouts.scenario)
     drives = [
         from_arrays(
             f"tau {tau:g}",
@@ -110,7 +111,7 @@ def driven(study: TrafficStudy, tick: Callable[[str], None]) -> tuple[list[Vehic
         for a, tau in enumerate(found.taus.tolist())
         for s in range(found.speed.shape[2])
     ]
-    return drives, np.asarray(course.graph.centre[RIGHT], float), found
+    return drives, np.asarray(road.centre[RIGHT], float), found
 
 
 def quality_table(material: Material) -> dict[str, list]:

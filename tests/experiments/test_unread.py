@@ -24,6 +24,8 @@ from experiments.recorded.study import RecordedStudy
 from experiments.register.study import RegisterStudy
 from experiments.traffic.study import TrafficStudy
 from tests.conftest import REPOSITORY
+from urbanjax.evaluation import metrics
+from urbanjax.rollout import rollout
 from urbanjax.sim.scenarios import overtake
 from urbanjax.types import ConfigError, as_arrays, config
 from urbanjax.types.unread import changed, check_read, unread
@@ -143,14 +145,18 @@ def test_every_experiment_is_looked_at():
 @pytest.mark.parametrize("mode", ["soft", pytest.param("hard", marks=pytest.mark.slow)])
 def test_what_the_overtaking_program_does_not_depend_on_is_what_is_said(mode):
     study = config.to_params(OvertakeStudy, {"starts": 1, "stack": {"relaxation": {"mode": mode}}})
-    course, lanes, starts = overtaking.scene(study)
+    mission = overtaking.mission_of(study)
+    case = jax.tree.map(jnp.asarray, mission.case(0, others=study.sim.traffic, vehicle=study.vehicle))
+    every_tau = jnp.ones(())
 
     def program(loop):
-        clamps = jnp.stack([loop.stack.behavior.gvp.clamp_time, 1e-6])
         scenario = overtake.sample(
             jax.random.key(0), as_arrays(study.scenario), vehicle=loop.vehicle, others=loop.sim.traffic
         )
-        return scenario, overtaking._grid(loop, course, lanes, starts.world, jnp.ones(1), clamps, n_steps=2)
+        behavior = loop.stack.behavior
+        stack = loop.stack.replace(behavior=behavior.replace(gvp=behavior.gvp.replace(tau=every_tau)))
+        log, _ = rollout(loop.replace(stack=stack), case.course, case.lanes, case.start, n_steps=2)
+        return scenario, log, metrics.evaluate(log, loop.vehicle, relaxation=stack.relaxation)
 
     loop = as_arrays(study.loop())
     traced = jax.make_jaxpr(program)(loop).jaxpr
