@@ -39,10 +39,8 @@ class StackParams:
     """Every parameter of the stack."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
-        **dict.fromkeys(
-            ("lidar", "search"),
-            Unread("only the localizer 'lidar' does, see 'localizer'", lambda p: p.localizer != "lidar"),
-        ),
+        "lidar": Unread("only the localizer 'lidar' does, see 'localizer'", lambda p: p.localizer != "lidar"),
+        "search": Unread("nobody who is lost is searched for here"),  # but in experiments.evaluate
         **dict.fromkeys(MATCHING, Unread("the stack keeps to its route instead of matching its track")),
         **dict.fromkeys(FOLLOWERS, Unread("only the macro plan does, see 'planning.macro.clearance'")),
         **dict.fromkeys(
@@ -159,8 +157,8 @@ def recover(params: StackParams, course: Course, *, state: StackState, observati
     """The state with the pose searched for anew where it is lost; as it is otherwise.
 
     Rare and heavy, so that the loop around calls it every now and then, and outside `vmap`, where the search would run
-    each time. The gradient is of no use. Args: course, of the drive; state, what is remembered; observation, now, with
-    a scan.
+    each time. The gradient is of no use. Args: course, of the drive; state, what is remembered; observation, that of
+    the step to come, with a scan.
     """
     localizer = LOCALIZERS[params.localizer]
     found = localizer.recover(params.localizing(), params.search, course, state.localizer, observation)

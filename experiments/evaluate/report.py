@@ -169,10 +169,10 @@ def _compare(params: EvaluateStudy, run: Run) -> None:
     ours, theirs = (study.rows_of(getattr(params, key), key) for key in ("run", "against"))
     found: dict[str, list[Any]] = {}
     for driver in dict.fromkeys((*tables.names(ours, "driver"), *tables.names(theirs, "driver"))):
-        for traffic in tables.names(ours, "traffic"):
-            pair = [tables.chosen(rows, driver=driver, traffic=traffic) for rows in (ours, theirs)]
+        for told in tables.settings(ours):
+            pair = [tables.chosen(rows, driver=driver, **told) for rows in (ours, theirs)]
             if all(pair):
-                line = {"driver": driver, "traffic": traffic, **tables.against(*pair)}
+                line = {"driver": driver, **told, **tables.against(*pair)}
                 for name, value in line.items():
                     found.setdefault(name, []).append(value)
     if not found:

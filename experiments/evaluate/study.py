@@ -132,11 +132,11 @@ def missions_of(study: EvaluateStudy) -> Asked:
             f"'localization' is {list(study.localization)}: nobody but the stack finds its pose, and no recording has "
             "surroundings; ask 'drivers=[stack]' without 'scenes'"
         )
-    roads = Roads()
+    roads = Roads(study.sensor)
     found: Asked = {}
     for how in study.localization:
         for mission in (MISSIONS[name] for name in study.missions):
-            one = mission if how == GIVEN else LocalizedMission(mission, how, study.sensor, roads)
+            one = mission if how == GIVEN else LocalizedMission(mission, how, roads)
             found[one.name] = one
     for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
         road = recordings.read(path, study.period, key="scenes")

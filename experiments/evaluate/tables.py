@@ -8,13 +8,15 @@ import numpy as np
 
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.missions import MISSIONS
-from urbanjax.evaluation.missions.localized import GIVEN, LOCALIZATIONS
+from urbanjax.evaluation.missions.localized import GIVEN
 from urbanjax.evaluation.missions.mission import ROADS
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.evaluation.verdict import Cause
+from urbanjax.evaluation.whereabouts import LONG
 from urbanjax.types import ConfigError
 
 Rows = list[dict[str, Any]]
+GROUP = ("driver", "traffic", "localization")
 KEY = ("driver", "traffic", "mission", "seed")
 SCORES = {  # the title of each, and whether more is better
     "nuplan": ("nuPlan score", True),
@@ -28,7 +30,6 @@ WHEREABOUTS = {  # columns of drives on scans
     "not normal [s]": "localization_not_normal_s",
     "stopped, lost [s]": "localization_stopped_s",
 }
-UNNOTICED = 1.0  # s, for which nobody may be wrong without knowing
 NOT_PARTS = ("_total", "_success", "_gate", "_defined", "_windows", "_reference", "_way", "_least_ttc")
 
 
@@ -44,19 +45,13 @@ def names(rows: Rows, column: str) -> list[str]:
 
 def scenes(rows: Rows) -> np.ndarray:
     """The road or the recording of each drive: drives of one depend on each other."""
-    named = [(drawn(row["mission"])[0], row) for row in rows]
-    return np.array([f"{mission} {row['seed'] % ROADS}" if mission else row["mission"] for mission, row in named])
+    named = [(base(row), row) for row in rows]
+    return np.array([f"{name} {row['seed'] % ROADS if name in MISSIONS else ''}" for name, row in named])
 
 
-def drawn(name: str) -> tuple[str, str]:
-    """The mission that draws its roads and how drivers know where they are on them, from the name of what is driven.
-
-    Both are empty for a recording.
-    """
-    for how in ("", *(f"_{how}" for how in LOCALIZATIONS)):
-        if name.endswith(how) and (mission := name.removesuffix(how)) in MISSIONS:
-            return mission, how[1:] or GIVEN
-    return "", ""
+def base(row: dict[str, Any]) -> str:
+    """The mission of a drive, however it knew where it was."""
+    return row["mission"].removesuffix(f"_{row['localization']}")
 
 
 def scores(rows: Rows) -> dict[str, tuple[str, bool]]:
@@ -75,11 +70,11 @@ def mean(rows: Rows, column: str) -> WithInterval:
 
 
 def headline(rows: Rows) -> dict[str, list[Any]]:
-    """One line for each driver and traffic, pooled over the missions."""
+    """One line for each driver, traffic and localization, pooled over the missions."""
     out: dict[str, list[Any]] = {}
-    for driver, traffic in _pairs(rows):
-        part = chosen(rows, driver=driver, traffic=traffic)
-        line = {"driver": driver, "traffic": traffic, "drives": len(part)}
+    for group in _groups(rows):
+        part = chosen(rows, **group)
+        line = {**group, "drives": len(part)}
         line |= {"success [%]": success(part).percent.text(), "reached [%]": _share(part, "competition_reached")}
         line |= {
             "at-fault collision [%]": _share(part, "competition_at_fault"),
@@ -93,20 +88,19 @@ def headline(rows: Rows) -> dict[str, list[Any]]:
 def by_mission(rows: Rows) -> dict[str, list[Any]]:
     """Success and nuPlan score of each driver in each mission."""
     out: dict[str, list[Any]] = {}
-    for driver, traffic in _pairs(rows):
-        for mission in names(rows, "mission"):
-            part = chosen(rows, driver=driver, traffic=traffic, mission=mission)
+    for group in _groups(rows):
+        for mission in names(chosen(rows, **group), "mission"):
+            part = chosen(rows, **group, mission=mission)
             _append(
                 out,
                 {
                     "mission": mission,
-                    "driver": driver,
-                    "traffic": traffic,
+                    **group,
                     "drives": len(part),
                     "success [%]": success(part).percent.text(),
                     "nuPlan score": mean(part, "nuplan_total").text(2),
                     "time [s]": mean(part, "competition_time").text(1),
-                    "commonest causes of failure": causes(part, 2),
+                    "commonest causes of failure": causes(part, 5),
                 },
             )
     return out
@@ -122,10 +116,10 @@ def causes(rows: Rows, count: int = 5) -> str:
 def failures(rows: Rows) -> dict[str, list[Any]]:
     """How often each cause ended a driver's drive."""
     out: dict[str, list[Any]] = {}
-    for driver, traffic in _pairs(rows):
-        part = chosen(rows, driver=driver, traffic=traffic)
+    for group in _groups(rows):
+        part = chosen(rows, **group)
         counts = {cause.label: sum(row["cause"] == cause.label for row in part) for cause in Cause if cause}
-        _append(out, {"driver": driver, "traffic": traffic, **counts})
+        _append(out, {**group, **counts})
     return out
 
 
@@ -134,10 +128,10 @@ def parts(rows: Rows, score: str) -> dict[str, list[Any]]:
     told = [name for name in rows[0] if name.startswith(f"{score}_") and not name.endswith(NOT_PARTS)]
     told = [name for name in told if not name.startswith(f"{score}_gated_")]
     out: dict[str, list[Any]] = {}
-    for driver, traffic in _pairs(rows):
-        part = chosen(rows, driver=driver, traffic=traffic)
+    for group in _groups(rows):
+        part = chosen(rows, **group)
         columns = {name.removeprefix(f"{score}_").replace("_", " "): mean(part, name).text(2) for name in told}
-        _append(out, {"driver": driver, "traffic": traffic, **columns})
+        _append(out, {**group, **columns})
     return out
 
 
@@ -146,8 +140,8 @@ def orders(rows: Rows) -> dict[str, list[Any]]:
     out: dict[str, list[Any]] = {}
     judged = {"success": ("success", True)}
     judged |= {f"{score}_total": told for score, told in scores(rows).items()}
-    for traffic in names(rows, "traffic"):
-        by_driver = {name: chosen(rows, traffic=traffic, driver=name) for name in names(rows, "driver")}
+    for setting in settings(rows):
+        by_driver = {name: chosen(rows, **setting, driver=name) for name in names(rows, "driver")}
         by_driver = {name: part for name, part in by_driver.items() if part}
         for column, (title, more) in judged.items():
             sign = 1.0 if more else -1.0
@@ -157,49 +151,41 @@ def orders(rows: Rows) -> dict[str, list[Any]]:
                 found = _paired(by_driver[one], by_driver[other], column)
                 clear = min(sign * found.low, sign * found.high) > 0
                 text += f" {'>' if clear else '~'} {other}"
-            _append(out, {"traffic": traffic, "by": title, "from best to worst": text})
+            _append(out, {**setting, "by": title, "from best to worst": text})
     return out
 
 
 def localizations(rows: Rows) -> dict[str, list[Any]]:
     """What it costs to find one's pose, and that this fails: against the first kind asked for, from the same starts."""
-    kinds = list(dict.fromkeys(how for row in rows if (how := drawn(row["mission"])[1])))
     out: dict[str, list[Any]] = {}
-    for driver, traffic in _pairs(rows):
-        some = {
-            how: [
-                {**row, "mission": mission}
-                for row in chosen(rows, driver=driver, traffic=traffic)
-                if (mission := drawn(row["mission"])[0]) and drawn(row["mission"])[1] == how
-            ]
-            for how in kinds
+    same = [{**row, "mission": base(row)} for row in rows]
+    first, *_ = names(rows, "localization")
+    for group in _groups(rows):
+        part = chosen(same, **group)
+        line = {**group, "drives": len(part), "success [%]": success(part).percent.text()}
+        line["nuPlan score"] = mean(part, "nuplan_total").text(2)
+        for title, column in WHEREABOUTS.items():
+            line[title] = mean(part, column).text(2) if part[0].get(column) is not None else "-"
+        unnoticed = [(row.get("localization_longest_unnoticed_s") or 0.0) > LONG for row in part]
+        line[f"wrong for {LONG:g} s while normal [%]"] = statistics.rate(unnoticed).percent.text()
+        plain = chosen(same, **{**group, "localization": first})
+        line |= {
+            f"{title}, less {first}": value if group["localization"] != first else "-"
+            for title, value in against(part, plain).items()
+            if title != "pairs"
         }
-        for how, part in some.items():
-            line = {"driver": driver, "traffic": traffic, "localization": how, "drives": len(part)}
-            line |= {"success [%]": success(part).percent.text(), "nuPlan score": mean(part, "nuplan_total").text(2)}
-            for title, column in WHEREABOUTS.items():
-                line[title] = mean(part, column).text(2) if part[0].get(column) is not None else "-"
-            lost = [(row.get("localization_unnoticed_s") or 0.0) > UNNOTICED for row in part]
-            line[f"wrong for {UNNOTICED:g} s while normal [%]"] = statistics.rate(lost).percent.text()
-            both = against(part, some[kinds[0]]) if how != kinds[0] else {}
-            _append(out, line | {f"success less {kinds[0]} [points]": both.get("success [points]", "-")})
+        _append(out, line)
     return out
 
 
 def differences(rows: Rows) -> dict[str, list[Any]]:
     """Each driver against the first one, drive by drive from the same starts."""
     out: dict[str, list[Any]] = {}
-    for traffic in names(rows, "traffic"):
+    for setting in settings(rows):
         first, *others = names(rows, "driver")
         for other in others:
-            _append(
-                out,
-                {
-                    "traffic": traffic,
-                    "drivers": f"{first} - {other}",
-                    **against(chosen(rows, driver=first, traffic=traffic), chosen(rows, driver=other, traffic=traffic)),
-                },
-            )
+            pair = [chosen(rows, **setting, driver=name) for name in (first, other)]
+            _append(out, {**setting, "drivers": f"{first} - {other}", **against(*pair)})
     return out
 
 
@@ -229,10 +215,11 @@ def _paired(ours: Rows, theirs: Rows, column: str) -> WithInterval:
 def summary(rows: Rows) -> dict[str, Any]:
     """Flat numbers: per driver and traffic pooled, and per mission."""
     out: dict[str, Any] = {"drives": len(rows)}
-    for driver, traffic in _pairs(rows):
-        for mission in ("", *names(rows, "mission")):
-            part = chosen(rows, driver=driver, traffic=traffic, **({"mission": mission} if mission else {}))
-            name = "_".join(x for x in (driver, traffic, mission) if x)
+    for group in _groups(rows):
+        how = group["localization"] if group["localization"] != GIVEN else ""
+        for mission in ("", *names(chosen(rows, **group), "mission")):
+            part = chosen(rows, **group, **({"mission": mission} if mission else {}))
+            name = "_".join(x for x in (group["driver"], group["traffic"], mission or how) if x)
             out |= success(part).flat(f"{name}_success_share")
             for score in scores(rows) if not mission else ("nuplan",):
                 out |= mean(part, f"{score}_total").flat(f"{name}_{score}_score")
@@ -270,8 +257,16 @@ def _share(rows: Rows, column: str) -> str:
     return statistics.rate([row[column] for row in rows]).percent.text()
 
 
-def _pairs(rows: Rows) -> list[tuple[str, str]]:
-    return list(dict.fromkeys((row["driver"], row["traffic"]) for row in rows))
+def settings(rows: Rows) -> list[dict[str, str]]:
+    """In what drivers can be compared."""
+    found = dict.fromkeys((row["traffic"], row["localization"]) for row in rows)
+    return [{"traffic": traffic, "localization": how} for traffic, how in found]
+
+
+def _groups(rows: Rows) -> list[dict[str, str]]:
+    """What tells drives apart that are pooled over missions."""
+    found = dict.fromkeys(tuple(row[name] for name in GROUP) for row in rows)
+    return [dict(zip(GROUP, values, strict=True)) for values in found]
 
 
 def _append(out: dict[str, list[Any]], line: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from experiments.common.district import World
 from experiments.localize.track import Change, LocalizedTrack, LocalizerPrograms
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.statistics import WithInterval
+from urbanjax.evaluation.whereabouts import LONG, WRONG, longest_unnoticed
 from urbanjax.localization.types import Health, Sign
 from urbanjax.registration.voxelmap import VoxelMap, without
 from urbanjax.sim.scenarios.tour import Tour
@@ -18,8 +19,6 @@ from urbanjax.sim.scenery.scenery import Scenery, altered
 from urbanjax.types import SHARE, ConfigError, field, host_record, pytree, static
 
 KINDS = ("scan_loss", "map_gap", "wrong_map", "kidnapping")
-LONG = 1.0  # s, for which nobody may be wrong without knowing
-WRONG = 0.5  # m, an error that must not go unnoticed
 
 
 @pytree
@@ -49,9 +48,7 @@ class InjectedFault:
     @property
     def unnoticed(self) -> int:
         """The most scans in a row with a wrong pose that is called NORMAL."""
-        silent = (self.track.distance > WRONG) & (self.track.rows.health == Health.NORMAL)
-        ends = np.flatnonzero(np.diff(np.concatenate([[False], silent, [False]]).astype(int)))
-        return int((ends[1::2] - ends[::2]).max(initial=0))
+        return longest_unnoticed(self.track.distance, self.track.rows.health)
 
     @property
     def recovery(self) -> int | None:

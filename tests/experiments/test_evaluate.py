@@ -19,6 +19,7 @@ PARTS = ("no_collision_at_fault", "drivable_area", "ttc_within_bound", "gated_tt
 
 def row(driver, mission, seed, success, score, cause="late", traffic="idm"):
     return {
+        "localization": "given",
         "driver": driver,
         "traffic": traffic,
         "mission": mission,
@@ -76,7 +77,15 @@ def test_differences_are_paired_by_start():
 def test_each_score_is_shown_with_its_parts_and_the_order_that_it_gives():
     assert list(tables.scores(ROWS)) == ["nuplan", "carla", "competition"]
     told = tables.parts(ROWS, "nuplan")
-    assert list(told) == ["driver", "traffic", "no collision at fault", "drivable area", "ttc within bound", "comfort"]
+    assert list(told) == [
+        "driver",
+        "traffic",
+        "localization",
+        "no collision at fault",
+        "drivable area",
+        "ttc within bound",
+        "comfort",
+    ]
     assert told["comfort"] == ["1.00 [1.00, 1.00]"] * 2
     dear = [{**r, "competition_total": 30.0 if r["driver"] == "stack" else 20.0} for r in ROWS]
     found = dict(zip(*(tables.orders(dear)[name] for name in ("by", "from best to worst")), strict=True))
@@ -88,24 +97,26 @@ def test_each_score_is_shown_with_its_parts_and_the_order_that_it_gives():
 
 def test_what_localization_costs_is_told_beside_the_same_drives_with_given_poses():
     told = {f"localization_{name}": 0.5 for name in ("mean_error_m", "not_normal_s", "stopped_s")}
+    told |= {"localization_longest_unnoticed_s": 2.0, "localization": "scan_loss"}
     given = tables.chosen(ROWS, driver="stack")
-    lost = [
-        {**r, "mission": f"{r['mission']}_scan_loss", "success": r["seed"] > 3, **told, "localization_unnoticed_s": 2.0}
-        for r in given
-    ]
+    lost = [{**r, "mission": f"{r['mission']}_scan_loss", "success": r["seed"] > 3, **told} for r in given]
     found = tables.localizations([*given, *lost])
     assert found["localization"] == ["given", "scan_loss"]
     assert found["drives"] == [16, 16]
     assert found["success [%]"][1].startswith("50.0")
     assert found["mean error [m]"] == ["-", "0.50 [0.50, 0.50]"]
     assert found["wrong for 1 s while normal [%]"][1].startswith("100.0")
-    assert found["success less given [points]"][1].startswith("-43.8")
-    assert tables.drawn("cut_in_scan_loss") == ("cut_in", "scan_loss")
-    assert tables.drawn("cut_in") == ("cut_in", "given")
-    assert tables.drawn("USA_Lanker-1_1_T-1") == ("", "")
+    assert found["success [points], less given"][0] == "-"
+    assert found["success [points], less given"][1].startswith("-43.8")
     assert list(tables.scenes(lost)) == list(tables.scenes(given))
     mixed = tables.columns([*given, *lost])
-    assert mixed["localization_unnoticed_s"] == [None] * 16 + [2.0] * 16
+    assert mixed["localization_longest_unnoticed_s"] == [None] * 16 + [2.0] * 16
+    # Nothing pools drives of different kinds.
+    assert tables.headline([*given, *lost])["drives"] == [16, 16]
+    assert tables.by_mission([*given, *lost])["drives"] == [8] * 4
+    flat = tables.summary([*given, *lost])
+    assert flat["stack_idm_success_share"] == 15 / 16
+    assert flat["stack_idm_scan_loss_success_share"] == 0.5
 
 
 def test_localization_is_an_axis_of_the_stack():
@@ -135,7 +146,7 @@ def test_the_worst_are_failures_of_every_mission_in_turn():
 
 def test_every_cause_has_words_and_a_column():
     assert Cause.NONE.label == "success"
-    assert set(tables.failures(ROWS)) == {"driver", "traffic", *(c.label for c in Cause if c)}
+    assert set(tables.failures(ROWS)) == {*tables.GROUP, *(c.label for c in Cause if c)}
 
 
 def test_drivers_are_told_apart_and_take_their_own_keys():

@@ -18,7 +18,7 @@ import numpy as np
 from urbanjax.drivers import IdmDriver
 from urbanjax.evaluation import programs, whereabouts
 from urbanjax.evaluation.case import Case
-from urbanjax.evaluation.missions.localized import LocalizedMission
+from urbanjax.evaluation.missions.localized import GIVEN, LocalizedMission
 from urbanjax.evaluation.missions.protocol import Drives
 from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.evaluation.parameter_sets import ParameterSets, parameter_sets
@@ -71,10 +71,10 @@ def outcomes(
 
     All missions of one size share a program, and so do parameter sets. Args: loop, with the driver, or several of them
     that differ in values alone: then jobs say of which they are, and rows say it in the column `params`; jobs; traffic,
-    how the others drive (see `evaluation.traffic`); chunk, drives at once on each device; logs, whether they are kept;
-    epdms, whether rows hold that score too, for which `pdm` drives beside everybody; judged, whether rows say more than
-    which drive they are of. Raises ConfigError for `epdms` with another period than its own, for sets that no one
-    program holds, and for a job of a set that there is not.
+    how the others drive (see `evaluation.traffic`); chunk, drives at once on each device (on scans they go one by one);
+    logs, whether they are kept; epdms, whether rows hold that score too, for which `pdm` drives beside everybody;
+    judged, whether rows say more than which drive they are of. Raises ConfigError for `epdms` with another period than
+    its own, for sets that no one program holds, and for a job of a set that there is not.
     """
     sets = parameter_sets(loop, traffic=traffic, asked={job.params for job in jobs})
     if epdms and not np.isclose(sets.period, PERIOD):
@@ -94,7 +94,7 @@ def _ended(
     """Numbers and outcomes as drives end, the jobs dealt out to streams; those of one size after the other."""
     for _, group in itertools.groupby(enumerate(jobs), key=lambda pair: _shape(pair[1])):
         numbered = list(group)
-        at_once = 1 if isinstance(numbered[0][1].mission, LocalizedMission) else chunk
+        at_once = 1 if isinstance(numbered[0][1].mission, LocalizedMission) else chunk  # scans are work enough
         drive = functools.partial(_stream, sets, traffic=traffic, chunk=at_once, logs=logs, epdms=epdms, judged=judged)
         yield from dealt(numbered, drive, devices=streams()[: -(-len(numbered) // at_once)])
 
@@ -113,20 +113,20 @@ def case_of(loop: LoopParams, job: Job, *, traffic: str) -> Case:
     return dataclasses.replace(case, start=mannered(case.start, traffic, seed=job.seed))
 
 
-def _cases(sets: ParameterSets, jobs: Iterable[Numbered], traffic: str, chunk: int) -> Iterator[tuple[int, Job, Case]]:
+def _cases(sets: ParameterSets, jobs: Iterable[Numbered], traffic: str) -> Iterator[tuple[int, Job, Case]]:
     """The jobs with their drives; those of replayed traffic are driven by IDM first, a chunk at a time."""
     if traffic != "replay":
         for number, job in jobs:
             yield number, job, case_of(sets.each[job.params], job, traffic=traffic)
         return
     waiting, follower = iter(jobs), sets.with_driver(IdmDriver())
-    while part := list(itertools.islice(waiting, chunk)):
+    while part := list(itertools.islice(waiting, CHUNK)):
         if isinstance(part[0][1].mission, RecordedMission):
             yield from ((number, job, case_of(sets.each[job.params], job, traffic=traffic)) for number, job in part)
             continue
         asked = dict(part)
         given = [(number, dataclasses.replace(job, mission=_given(job.mission))) for number, job in part]
-        for number, one in _stream(follower, given, "idm", chunk, logs=True, whole=True, judged=False):
+        for number, one in _stream(follower, given, "idm", CHUNK, logs=True, whole=True, judged=False):
             assert one.log is not None
             case = case_of(sets.each[one.job.params], asked[number], traffic=traffic)
             start = as_recorded(case.start, one.log, period=sets.period)
@@ -164,7 +164,7 @@ def _stream(
 
     Where the `whole` is asked for they go on to the end of the longest drive.
     """
-    waiting = _cases(sets, jobs, traffic, chunk)
+    waiting = _cases(sets, jobs, traffic)
     places: list[_Place | None] = [None] * chunk
     ended: list[_Place] = []
     now: Underway | None = None
@@ -217,7 +217,9 @@ def _outcomes(
     whole = [_padded(place.parts, longest, sets.period) for place in full]
     rows = _columns(sets, full, whole) if judged else {}
     for k, place in enumerate(ended):
-        row = {"mission": place.job.mission.name, "seed": place.job.seed, "traffic": traffic}
+        mission = place.job.mission
+        row = {"mission": mission.name, "seed": place.job.seed, "traffic": traffic}
+        row["localization"] = mission.how if isinstance(mission, LocalizedMission) else GIVEN
         row |= {"params": place.job.params} if len(sets.each) > 1 else {}
         row |= {name: values[k] for name, values in rows.items()}
         if judged:
@@ -263,7 +265,7 @@ def moment(loop: LoopParams | Sequence[LoopParams], job: Job, *, traffic: str, t
     start; chunk, of the drive.
     """
     sets = parameter_sets(loop, traffic=traffic, asked={job.params})
-    ((_, _, case),) = _cases(sets, [(0, job)], traffic, chunk)
+    ((_, _, case),) = _cases(sets, [(0, job)], traffic)
     chunk = 1 if case.sensing is not None else chunk
     cases, loop = _stacked([case] * chunk), sets.at([job.params] * chunk)
     now = compiled(programs.fresh)(loop, cases)

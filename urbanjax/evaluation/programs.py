@@ -190,4 +190,4 @@ def _all(info: Any) -> Any:
 
 
 def _localization(info: Any) -> Any:
-    return info.localization.replace(info=None)
+    return info.localization.replace(info=info.localization.info.dropped)

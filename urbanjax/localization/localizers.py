@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import jaxlie
 from jax import lax
 
 from urbanjax.course import Course
-from urbanjax.localization import given, lidar, relocalize
+from urbanjax.localization import given, lidar, motion, relocalize
 from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
 from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.localization.types import Health, Localization
@@ -40,9 +42,13 @@ def _lidar_recover(
     def find() -> LidarState:
         starts = relocalize.lane_starts(course.graph, state.T_map_body, count=search.starts)
         assert course.map is not None
-        return relocalize.relocalize(
+        found, moved = relocalize.relocalize(
             search, params, world=course.map, state=state, observation=observation, starts=starts
-        )[1]
+        )
+        # The step to come, on the same observation, moves the pose on by one period.
+        back = motion.travelled(observation.odometry, params.period).inverse()
+        before = jax.tree.map(lambda a, b: jnp.where(found.found, a, b), moved.T_map_body @ back, moved.T_map_body)
+        return moved.replace(T_map_body=before)
 
     health = state.monitor.health
     return lax.cond((health == Health.LANE) | (health == Health.RELOCALIZE), find, lambda: state)

@@ -16,6 +16,8 @@ from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.types import POSITIVE, SHARE, Observation, field, pytree, static
 
 WAYS = 8  # sectors of heading that are told apart
+WIDE = 8.0  # m between two lane points, from which on there are starts between them
+BETWEEN = 4  # parts that such a step is cut into
 CELLS = 8192  # along x and y, after which numbers of cells repeat: with the ways they fit into 32 bits
 
 
@@ -51,21 +53,40 @@ def lane_starts(graph: RoadGraph, T_map_body: jaxlie.SE3, *, count: int, spacing
     """The K places on lanes nearest to a pose, as stacked poses T_map_body that head along their lanes.
 
     Of lane points that lie in one cell of `spacing` m and head the same way there is only one: where lanes cross and
-    fork, starts would otherwise be spent on one spot. Args: graph, the road graph; T_map_body, where the vehicle
-    believes to be; count, K; spacing [m].
+    fork, starts would otherwise be spent on one spot. Where lane points are more than `WIDE` m apart there are starts
+    between them. Of fewer places than K the nearest stands for those that there are not. Args: graph, the road graph;
+    T_map_body, where the vehicle believes to be; count, K; spacing [m].
     """
-    middle, heading = graph.centre.reshape(-1, 2), graph.heading.reshape(-1)
+    middle, heading, there = _lane_points(graph)
     away = jnp.sum((middle - T_map_body.translation()[None, :2]) ** 2, axis=1)
-    there = jnp.repeat(graph.valid, graph.centre.shape[1])
     place = jnp.floor(middle / spacing).astype(jnp.int32)
     way = jnp.floor(heading / (2 * jnp.pi / WAYS) + 0.5).astype(jnp.int32) % WAYS
     cell = ((place[:, 0] % CELLS) * CELLS + place[:, 1] % CELLS) * WAYS + way
     order = jnp.argsort(jnp.where(there, cell, jnp.iinfo(jnp.int32).max), stable=True)
     ordered = cell[order]
     repeated = jnp.zeros(cell.shape, bool).at[order[1:]].set(ordered[1:] == ordered[:-1])
-    _, near = jax.lax.top_k(-jnp.where(there & ~repeated, away, jnp.inf), count)
+    nearness, near = jax.lax.top_k(-jnp.where(there & ~repeated, away, jnp.inf), min(count, len(away)))
+    near = jnp.where(jnp.isfinite(nearness), near, near[0])
+    near = jnp.concatenate([near, jnp.broadcast_to(near[0], (count - len(near),))])
     flat = jaxlie.SE2.from_xy_theta(middle[near, 0], middle[near, 1], heading[near])
     return jax.vmap(motion.spatial)(flat)
+
+
+def _lane_points(graph: RoadGraph) -> tuple[Array, Array, Array]:
+    """Points of all lanes: position [P, 2] m, heading [P] rad, and which of them there are [P]."""
+    share = jnp.arange(BETWEEN, dtype=graph.centre.dtype) / BETWEEN
+    step = graph.centre[:, 1:] - graph.centre[:, :-1]
+    turn = graph.heading[:, 1:] - graph.heading[:, :-1]
+    turn = jnp.arctan2(jnp.sin(turn), jnp.cos(turn))
+    middle = graph.centre[:, :-1, None] + share[None, None, :, None] * step[:, :, None]
+    heading = graph.heading[:, :-1, None] + share[None, None, :] * turn[:, :, None]
+    wide = safe.norm(step) > WIDE
+    there = graph.valid[:, None, None] & (wide[:, :, None] | (share == 0)[None, None, :])
+    last = graph.centre[:, -1], graph.heading[:, -1], graph.valid
+    shapes = (-1, 2), (-1,), (-1,)
+    pairs = zip((middle, heading, there), last, shapes, strict=True)
+    position, heading, there = (jnp.concatenate([x.reshape(shape), end]) for x, end, shape in pairs)
+    return position, heading, there
 
 
 def relocalize(
@@ -85,7 +106,7 @@ def relocalize(
     localizer; observation, with a scan and odometry; starts [K], stacked poses T_map_body.
     """
     cloud, _ = lidar.cloud_of(localizer, observation)
-    centre = jnp.mean(starts.translation(), axis=0)
+    centre = state.T_map_body.translation()
     target, _ = sliding.window(world, centre, speed=jnp.asarray(jnp.inf, centre.dtype), params=localizer.sliding)
     factor = localizer.align.factor
     wide = localizer.align.replace(

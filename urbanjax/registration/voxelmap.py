@@ -157,7 +157,7 @@ def without(
     """
     place = (world.cell + world.first[None])[:, :2].astype(world.rows.dtype) * world.resolution + world.rows[:, :2]
     away = place - centre[None]
-    along = away @ jnp.stack([jnp.cos(heading), jnp.sin(heading)])
+    along = away[:, 0] * jnp.cos(heading) + away[:, 1] * jnp.sin(heading)
     gone = (jnp.abs(along) < length / 2) & (jnp.sum(away**2, axis=1) < ASIDE**2)
     return world.replace(rows=world.rows.at[:, 9].multiply(jnp.where(gone, 0.0, 1.0)))
 

@@ -52,7 +52,7 @@ def sensed(
     Args: sensing, what there is to see; given, with the true pose and odometry; ego, its true state; others, all road
     users that the LiDAR meets; time [] s, of the world; count [], of its steps.
     """
-    key = jax.random.fold_in(sensing.key, count)
+    key, wheel_key = jax.random.split(jax.random.fold_in(sensing.key, count))
     true = given.odometry
     scan = sweep(params, sensing.surroundings, vehicles=others, ego=ego, yaw_rate=true.yaw_rate, key=key)
     if sensing.silent is not None:
@@ -60,9 +60,8 @@ def sensed(
         scan = scan.replace(valid=scan.valid & ~silent)
     odometry = true
     if sensing.wheels is not None:
-        speed, yaw_rate = sensing.wheels.on(
-            true.speed, true.yaw_rate, keys=jax.random.split(jax.random.fold_in(key, 1))
-        )
+        keys = jax.random.split(wheel_key)
+        speed, yaw_rate = sensing.wheels.on(true.speed, true.yaw_rate, keys=keys)
         odometry = Odometry(speed, true.acceleration, true.steering, yaw_rate)
     seen = given.objects.seen_from(ego.pose.inverse())
     return given.replace(odometry=odometry, objects=seen, pose=None, scan=scan)

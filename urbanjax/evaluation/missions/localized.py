@@ -20,7 +20,7 @@ from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.scenery.scenery import Scenery, furnish
 from urbanjax.sim.sensing import Sensing, WheelErrors
-from urbanjax.types import as_arrays, host_record
+from urbanjax.types import CloudError, ConfigError, as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 GIVEN = "given"  # beside LOCALIZATIONS: drivers are told where they are, as in the missions themselves
@@ -29,6 +29,7 @@ BEGINS = (1.0, 6.0)  # s after the start, when that begins
 GAP = 50.0  # m of the road without a map
 AHEAD = (20.0, 80.0)  # m in front of the start, where its middle lies
 MOVED = (8.0, 30.0)  # m along the road, by which the pose is wrong that is told
+SURVEYED, DRIVEN = 1, 2  # purposes of noise
 VOXELS, TILES = 98304, 48  # of the map of one road
 CLEAR = PreprocessParams(downsample=DownsampleParams(resolution=0.5, capacity=16384))  # of scans that are mapped
 
@@ -74,7 +75,6 @@ class LocalizedMission:
 
     mission: Mission
     how: str  # one of LOCALIZATIONS
-    sensor: LidarParams  # that the roads are mapped with
     roads: "Roads"
 
     @property
@@ -98,9 +98,9 @@ class LocalizedMission:
         Args: seed; others, how traffic drives; vehicle, the ego's dimensions.
         """
         case = self.mission.case(seed, others=others, vehicle=vehicle)
-        surroundings, known = self.roads.of(self.mission, seed % ROADS, sensor=self.sensor, case=case)
+        surroundings, known = self.roads.of(self.mission, seed % ROADS, case=case)
         fields: dict[str, Any] = {
-            "key": np.asarray(jax.random.key_data(jax.random.key(seed))),
+            "key": np.asarray(jax.random.key_data(_key(DRIVEN, self.mission.number, seed))),
             "wheels": jax.device_get(as_arrays(WheelErrors())),
             "silent": np.full(2, -np.inf, np.float32),
             "told": np.array([*case.start.ego.position, case.start.ego.heading], np.float32),
@@ -113,50 +113,63 @@ class LocalizedMission:
 class Roads:
     """What stands beside the roads of missions, and their maps: each is furnished and surveyed once."""
 
-    def __init__(self) -> None:
-        """None yet."""
+    def __init__(self, sensor: LidarParams) -> None:
+        """None yet. Args: sensor, the LiDAR that they are mapped with."""
+        self.sensor = as_arrays(sensor)
         self._found: dict[tuple[str, int], tuple[Scenery, VoxelMap]] = {}
         self._lock = threading.Lock()
 
-    def of(self, mission: Mission, which: int, *, sensor: LidarParams, case: Case) -> tuple[Scenery, VoxelMap]:
+    def of(self, mission: Mission, which: int, *, case: Case) -> tuple[Scenery, VoxelMap]:
         """Surroundings and map of a road, in shapes that all roads of a size share.
 
-        Args: mission; which, of its roads; sensor, that they are mapped with, the same in every call; case, on it.
+        Args: mission; which, of its roads; case, on it. Raises ConfigError where they do not fit into these.
         """
         with self._lock:
             if (mission.name, which) not in self._found:
-                self._found[mission.name, which] = mapped(case, sensor, seed=which, prisms=mission.size.n_prisms)
+                try:
+                    self._found[mission.name, which] = mapped(case, self.sensor, mission=mission, which=which)
+                except CloudError as error:
+                    raise ConfigError(
+                        f"road {which} of {mission.name} cannot be mapped: {error}; see 'sensor' (its rings, columns "
+                        "and range), or ask 'localization=[given]' of this mission"
+                    ) from error
             return self._found[mission.name, which]
 
 
-def mapped(case: Case, sensor: LidarParams, *, seed: int, prisms: int) -> tuple[Scenery, VoxelMap]:
+def mapped(case: Case, sensor: LidarParams, *, mission: Mission, which: int) -> tuple[Scenery, VoxelMap]:
     """Furnish the road of a case and survey it along the route: a few seconds.
 
-    Args: case; sensor, the LiDAR; seed, of all that is drawn; prisms, for which there is room.
+    Args: case; sensor, the LiDAR; mission; which, of its roads. Raises CloudError for more than there is room for.
     """
-    surroundings = _room(furnish(case.lanes.graph, seed), prisms)
+    surroundings = _room(furnish(case.lanes.graph, mission.number * ROADS + which), mission.size.n_prisms)
     how = as_arrays(MappingParams(preprocess=CLEAR))
     found = survey(
         how,
         case.corridor,
         surroundings=surroundings,
-        sensor=as_arrays(sensor),
+        sensor=sensor,
         localizer=as_arrays(LidarLocalizerParams()),
-        key=jax.random.key(seed),
+        key=_key(SURVEYED, mission.number, which),
     )
     points = mapping.build(((cloud, pose) for cloud, _, pose in found), float(how.resolution))
     known = padded(mapping.distributions(points, how.distributions), VOXELS, tiles=TILES)
     return jax.device_get((surroundings, known))
 
 
+def _key(*numbers: int) -> jax.Array:
+    """The key of the noise of one purpose. Args: numbers, that tell it from all others."""
+    key = jax.random.key(numbers[0])
+    for number in numbers[1:]:
+        key = jax.random.fold_in(key, number)
+    return key
+
+
 def _room(surroundings: Scenery, prisms: int) -> Scenery:
-    """The same with room for that many; of more the first ones."""
-
-    def fit(x: jax.Array) -> np.ndarray:
-        some = np.asarray(x)[:prisms]
-        return np.pad(some, [(0, prisms - len(some))] + [(0, 0)] * (some.ndim - 1))
-
-    return jax.tree.map(fit, surroundings)
+    """The same with room for that many."""
+    spare = prisms - len(surroundings.valid)
+    if spare < 0:
+        raise CloudError(f"{len(surroundings.valid)} prisms stand beside it, and there is room for {prisms}")
+    return jax.tree.map(lambda x: np.pad(np.asarray(x), [(0, spare)] + [(0, 0)] * (x.ndim - 1)), surroundings)
 
 
 def _sensing(case: Case, **changes: np.ndarray) -> Case:
