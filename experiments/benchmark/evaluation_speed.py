@@ -3,8 +3,8 @@
 Ours: the stack drives 10 s among 32 vehicles of reactive traffic on the district course, through the programs of
 `python -m experiments.evaluate`, judged. highway-env: `highway-v0` with 32 vehicles and its own IDM vehicle as the ego,
 10 s, in a Python loop of its road alone: no observation, reward or picture is made. A decision is a step of the driver,
-of ours 0.1 s, of highway-env two frames at 15 Hz. Seconds of the processor
-are told too: they mind less what else the machine does.
+of ours 0.1 s, of highway-env two frames at 15 Hz. Seconds of the processor are told too: they mind less what else the
+machine does.
 """
 
 import functools
@@ -12,7 +12,7 @@ import importlib.metadata
 import itertools
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,8 @@ from urbanjax.vehicle.params import VehicleParams
 STEPS, PERIOD = 100, 0.1  # of each drive; s
 FRAMES, FREQUENCY = 2, 15  # of highway-env in a decision; Hz
 WARM = 2  # blocks until all programs are there; a block is a chunk of every stream, which end about together
-GROWTH = (10, 60)  # chunks between whose ends memory must not grow
+SETTLED = 10  # chunks, after which memory is not to grow any more
+OVER = 50  # chunks, for which growth is told
 KB = 1024.0  # in a MB
 COMPILED = "/jax/core/compile/backend_compile_duration"  # an event of JAX
 LOOP = "jit(segment)"  # the program that drives; one for each size of missions
@@ -126,14 +127,25 @@ def measure(
         "evaluation_compiles_of_the_loop": float(names.count(LOOP)),
         "evaluation_compiles_when_warm": float(compiled[-1] - compiled[WARM]),
     }
-    early, late = (chunks // at_once for chunks in GROWTH)
-    if whole >= late:
-        out["evaluation_memory_growth_mb"] = memory[late] - memory[early]
+    if whole * at_once >= SETTLED + OVER:
+        out |= growth(memory[SETTLED // at_once : whole + 1], chunks=at_once)
     tick("evaluation: highway-env")
     peer = np.median([_peer(study.seed + k, scenario.n_vehicles) for k in range(study.peer_drives)], axis=0)
     out["highway_env_decisions_per_s"], out["highway_env_decisions_per_cpu_s"] = (1 / peer).tolist()
     out["evaluation_times_highway_env"] = out["evaluation_decisions_per_s"] / out["highway_env_decisions_per_s"]
     return out
+
+
+def growth(memory: Sequence[float], *, chunks: int) -> dict[str, float]:
+    """The trend of memory over `OVER` chunks [MB], Theil and Sen's with its 95 % interval: single values jump by tens.
+
+    Args: memory [MB], after every so many chunks; chunks, how many.
+    """
+    from scipy.stats import theilslopes
+
+    found = theilslopes(np.asarray(memory, float))
+    named = {"": found.slope, "_low": found.low_slope, "_high": found.high_slope}
+    return {f"evaluation_memory_growth_mb{name}": float(value) * OVER / chunks for name, value in named.items()}
 
 
 def _resident_mb() -> float:
@@ -176,7 +188,9 @@ def table(numbers: dict[str, float]) -> dict[str, list[Any]]:
         ("ego decisions in a second of the processor", numbers["evaluation_decisions_per_cpu_s"]),
         ("the same of highway-env", numbers["highway_env_decisions_per_cpu_s"]),
         ("peak memory [MB]", numbers["evaluation_peak_memory_mb"]),
-        ("grown from chunk 10 to 60 [MB]", numbers.get("evaluation_memory_growth_mb")),
+        ("growth over 50 chunks [MB]", numbers.get("evaluation_memory_growth_mb")),
+        ("its 95 % interval, from", numbers.get("evaluation_memory_growth_mb_low")),
+        ("to", numbers.get("evaluation_memory_growth_mb_high")),
         ("compiles of the program that drives", round(numbers["evaluation_compiles_of_the_loop"])),
         ("all compiles", round(numbers["evaluation_compiles"])),
         ("of these when warm", round(numbers["evaluation_compiles_when_warm"])),

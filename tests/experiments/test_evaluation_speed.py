@@ -34,9 +34,19 @@ NUMBERS = {
 
 def test_table_names_the_peer_with_its_version_and_dashes_what_was_not_measured():
     rows = dict(zip(*evaluation_speed.table(NUMBERS).values(), strict=True))
-    assert rows["grown from chunk 10 to 60 [MB]"] is None
+    assert rows["growth over 50 chunks [MB]"] is None
     assert rows["times as many"] == 10.0
     assert any(name.startswith("highway-env 1.") for name in rows)
+
+
+def test_growth_is_a_trend_and_no_difference_of_two_values_that_jump():
+    rng = np.random.default_rng(0)
+    flat = 1500.0 + rng.normal(0.0, 20.0, 300)
+    still = evaluation_speed.growth(flat.tolist(), chunks=2)
+    assert still["evaluation_memory_growth_mb_low"] < 0.0 < still["evaluation_memory_growth_mb_high"]
+    leaking = evaluation_speed.growth((flat + 0.8 * np.arange(300)).tolist(), chunks=2)  # 0.4 MB a chunk
+    assert leaking["evaluation_memory_growth_mb"] == pytest.approx(20.0, abs=2.0)
+    assert leaking["evaluation_memory_growth_mb_low"] > 15.0
 
 
 def test_drives_of_the_district_are_ten_seconds_among_32():

@@ -1,4 +1,4 @@
-"""Missions driven on poses from scans, as good as the day allows: how drivers know where they are (host side)."""
+"""Missions driven on poses from scans, with or without something that fails (host side)."""
 
 import dataclasses
 import threading
