@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from urbanjax.evaluation.case import Case
@@ -145,8 +146,8 @@ def mapped(case: Case, sensor: LidarParams, *, mission: Mission, which: int) -> 
     how = as_arrays(MappingParams(preprocess=CLEAR))
     found = survey(
         how,
-        case.corridor,
-        surroundings=surroundings,
+        jax.tree.map(jnp.asarray, case.corridor),
+        surroundings=jax.tree.map(jnp.asarray, surroundings),
         sensor=sensor,
         localizer=as_arrays(LidarLocalizerParams()),
         key=_key(SURVEYED, mission.number, which),
