@@ -49,9 +49,10 @@ def qualify(
     for asked, there in known:
         if not isinstance(asked, str) or asked not in there:
             raise ConfigError(f"{short(asked)} is none of {', '.join(there)}")
-    roads = Roads(sets[0].sensor)
     chosen = [MISSIONS[name] for name in names]
-    chosen = chosen if localization == GIVEN else [LocalizedMission(one, localization, roads) for one in chosen]
+    if localization != GIVEN and sets:
+        roads = Roads(sets[0].sensor)
+        chosen = [LocalizedMission(one, localization, roads) for one in chosen]
     loops = sets if driver is None else [one.replace(driver=driver) for one in sets]
     jobs = [Job(mission, seed, k) for mission in chosen for seed in range(seeds) for k in range(len(sets))]
     found = outcomes(loops, jobs, traffic=traffic)
