@@ -32,6 +32,9 @@ def test_without_a_map_the_localizer_says_what_it_needs(street):
     state = stack.init(params.handed_down()[0], course, street.ego(60.0).pose)
     with pytest.raises(ScenarioError, match=r"course\.map"):
         stack.step(params.handed_down()[0], course, state, street.observe(street.ego(60.0), 0))
+    seen = street.observe(street.ego(60.0), 0)
+    with pytest.raises(ScenarioError, match=r"course\.map"):
+        stack.recover(params.handed_down()[0], course, state=state, observation=seen)
 
 
 @pytest.mark.slow

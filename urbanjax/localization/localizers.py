@@ -13,6 +13,7 @@ from urbanjax.localization import given, lidar, motion, relocalize
 from urbanjax.localization.lidar import LidarLocalizerParams, LidarState
 from urbanjax.localization.relocalize import RelocalizeParams
 from urbanjax.localization.types import Health, Localization
+from urbanjax.registration.voxelmap import VoxelMap
 from urbanjax.types import Observation, ScenarioError
 
 
@@ -28,22 +29,27 @@ class Localizer(NamedTuple):
     recover: Callable[[LidarLocalizerParams, RelocalizeParams, Course, Any, Observation], Any]
 
 
+def _map_of(course: Course) -> VoxelMap:
+    if course.map is None:
+        raise ScenarioError("localizer 'lidar' needs course.map; build one with urbanjax.localization.mapping")
+    return course.map
+
+
 def _lidar_step(
     params: LidarLocalizerParams, course: Course, state: Any, observation: Observation
 ) -> tuple[Localization, Any]:
-    if course.map is None:
-        raise ScenarioError("localizer 'lidar' needs course.map; build one with urbanjax.localization.mapping")
-    return lidar.step(params, course.map, course.graph, state, observation)
+    return lidar.step(params, _map_of(course), course.graph, state, observation)
 
 
 def _lidar_recover(
     params: LidarLocalizerParams, search: RelocalizeParams, course: Course, state: LidarState, observation: Observation
 ) -> LidarState:
+    world = _map_of(course)
+
     def find() -> LidarState:
         starts = relocalize.lane_starts(course.graph, state.T_map_body, count=search.starts)
-        assert course.map is not None
         found, moved = relocalize.relocalize(
-            search, params, world=course.map, state=state, observation=observation, starts=starts
+            search, params, world=world, state=state, observation=observation, starts=starts
         )
         # The step to come, on the same observation, moves the pose on by one period.
         back = motion.travelled(observation.odometry, params.period).inverse()
