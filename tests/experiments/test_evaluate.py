@@ -5,11 +5,16 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 
 from experiments.common import recordings
 from experiments.evaluate import driving, replay, report, study, tables
 from experiments.evaluate.study import EvaluateStudy
+from tests.conftest import REPOSITORY
 from tests.io.maps import texts
+from urbanjax.drivers import DRIVERS
+from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.runs import directory
 from urbanjax.types import ConfigError
@@ -128,6 +133,13 @@ def test_localization_is_an_axis_of_the_stack():
     for wrong in ({"drivers": ("stack", "pdm")}, {"scenes": ("x",), "traffic": ("replay",)}):
         with pytest.raises(ConfigError, match="nobody but the stack finds its pose"):
             study.missions_of(dataclasses.replace(params, **wrong))
+
+
+def test_the_preset_of_everything_names_everything():
+    values = yaml.safe_load((REPOSITORY / "configs/evaluate/preset/all.yaml").read_text(encoding="utf-8"))
+    assert values["missions"] == list(MISSIONS)
+    assert sorted(values["drivers"]) == sorted(DRIVERS)
+    assert values["traffic"] == list(MANNERS)
 
 
 def test_missing_and_repeated_drives_are_counted():
