@@ -2,7 +2,7 @@
 
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import jax
@@ -10,9 +10,10 @@ import numpy as np
 
 from urbanjax.course import course_between
 from urbanjax.evaluation import metrics
-from urbanjax.evaluation.batch import CHUNK, Job, outcomes
+from urbanjax.evaluation.batch import CHUNK, Job, Outcome
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.metrics import Metrics
+from urbanjax.evaluation.together import Batch, Wanted, together
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.corridor import Corridor, CorridorParams
 from urbanjax.rollout import LoopParams, steps_of
@@ -86,23 +87,51 @@ def sets_of(study: OvertakeStudy) -> list[LoopParams]:
     return [with_values(loop, dict(zip(keys, values, strict=True))) for values in itertools.product(study.taus, clamps)]
 
 
+class OvertakeDrives:
+    """The drives of the study, and what came of them."""
+
+    def __init__(self, study: OvertakeStudy) -> None:
+        """All starts with every parameter set."""
+        self.study, self.mission = study, mission_of(study)
+        sets = sets_of(study)
+        jobs = [Job(self.mission, start, params) for params in range(len(sets)) for start in range(study.starts)]
+        chunk = min(CHUNK, len(jobs))
+        self.batch = Batch("overtake", tuple(sets), tuple(jobs), chunk=chunk, logs=True, judged=False)
+        self.batches = (self.batch,)
+        self._logs: dict[str, list[Log]] = {}
+
+    def missing(self) -> dict[str, Batch]:
+        """All parts: none is known from before."""
+        return dict.fromkeys(self.batch.parts, self.batch)
+
+    def take(self, part: str, outcomes: Sequence[Outcome], later: Callable) -> None:
+        """Keep the logs of a part. Args: part; outcomes, of its drives; later, not needed."""
+        self._logs[part] = [one.log for one in outcomes if one.log is not None]
+
+    def found(self) -> "Fig10":
+        """The study from its drives; their logs are let go."""
+        logs = [log for part in self.batch.parts for log in self._logs.pop(part)]
+        log = jax.tree.map(lambda *x: np.stack(x), *logs)
+        vehicle = self.study.vehicle
+        way, scores = jax.device_get(_judged(log, *as_arrays((vehicle, self.study.stack.relaxation))))
+        shape = len(self.study.taus), 2, self.study.starts
+        log, way, scores = jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), (log, way, scores))
+        return gather(self.study.taus, self.mission.starts.crowded, log, way, scores, vehicle)
+
+
 def drive(study: OvertakeStudy, tick: Callable[[str], None] = lambda label: None) -> tuple["Fig10", dict[str, float]]:
     """All drives of the study, and the seconds that they took with compiling."""
     began = time.perf_counter()
-    mission, sets = mission_of(study), sets_of(study)
-    jobs = [Job(mission, start, params) for params in range(len(sets)) for start in range(study.starts)]
-    logs: list[Log] = []
-    tick(f"{len(jobs)} drives of {mission.longest:g} s")
-    for one in outcomes(sets, jobs, chunk=min(CHUNK, len(jobs)), logs=True, judged=False):
-        assert one.log is not None
-        logs.append(one.log)
-        tick(f"{len(logs)} of {len(jobs)} drives of {mission.longest:g} s")
-    log = jax.tree.map(lambda *x: np.stack(x), *logs)
-    way, scores = jax.device_get(_judged(log, *as_arrays((study.vehicle, study.stack.relaxation))))
-    shape = len(study.taus), 2, study.starts
-    log, way, scores = jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), (log, way, scores))
-    found = gather(study.taus, mission.starts.crowded, log, way, scores, study.vehicle)
-    return found, {"run_s": time.perf_counter() - began}
+    drives = OvertakeDrives(study)
+    jobs, count = len(drives.batch.jobs), 0
+    tick(f"{jobs} drives of {drives.mission.longest:g} s")
+    for came in together([Wanted("", batch, part) for part, batch in drives.missing().items()]):
+        if came.error is not None:
+            raise came.error
+        drives.take(came.wanted.part, came.outcomes, lambda call: call())
+        count += len(came.outcomes)
+        tick(f"{count} of {jobs} drives of {drives.mission.longest:g} s")
+    return drives.found(), {"run_s": time.perf_counter() - began}
 
 
 @jax.jit

@@ -8,7 +8,6 @@ from experiments.evaluate import driving, figures, replay, study, tables
 from experiments.evaluate.study import Asked, EvaluateStudy
 from experiments.evaluate.tables import KEY, Rows
 from urbanjax.evaluation.batch import Job, Outcome, case_of, outcomes
-from urbanjax.evaluation.missions.localized import GIVEN
 from urbanjax.evaluation.missions.recorded import RecordedMission
 from urbanjax.io.figures.animation import write_gif
 from urbanjax.io.runs import progress, report
@@ -49,35 +48,20 @@ def write(params: EvaluateStudy, run: Run) -> None:
     if params.run:
         _compare(params, run)
         return
-    asked = study.missions_of(params)
-    rows, driven, seconds = driving.drive(params, run, asked)
+    driven = driving.MissionDrives(params, run)
+    asked = driven.asked
+    rows, count, seconds = driving.drive(driven)
     if params.process:
         return  # process 0 goes on with the rows of all
-    run.table("rows", tables.columns(rows))
-    scenes = [one.scene for one in asked.values() if isinstance(one, RecordedMission)]
-    expected = [
-        (driver, traffic, job.mission.name, job.seed)
-        for driver in dict.fromkeys(params.drivers)
-        for traffic in dict.fromkeys(params.traffic)
-        for job in study.jobs_of(params, asked, traffic)
-    ]
-    run.summary(tables.summary(rows))
+    found = driving.write_tables(driven, rows)
+    if run.swept:
+        return
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PEAK
-    run.summary({"run_s": seconds, "drives_per_s": driven / seconds, "peak_memory_mb": peak})
-    found = {
-        "headline": tables.headline(rows),
-        "missions": tables.by_mission(rows),
-        "causes": tables.failures(rows),
-        **{score: tables.parts(rows, score) for score in tables.scores(rows)},
-        "localizations": tables.localizations(rows) if set(params.localization) != {GIVEN} else {},
-        "orders": tables.orders(rows),
-        "differences": tables.differences(rows),
-        "coverage": tables.coverage(rows, expected),
-        "signals": recordings.signals(scenes) if scenes else {},
-    }
-    for name, columns in found.items():
-        if columns:
-            run.table(name, columns)
+    run.summary({"run_s": seconds, "drives_per_s": count / seconds, "peak_memory_mb": peak})
+    scenes = [one.scene for one in asked.values() if isinstance(one, RecordedMission)]
+    signals = recordings.signals(scenes) if scenes else {}
+    if signals:
+        run.table("signals", signals)
     progress.show_table("evaluation", found["headline"])
     if found["differences"]:
         progress.show_table("paired differences", found["differences"])
@@ -115,7 +99,7 @@ def write(params: EvaluateStudy, run: Run) -> None:
             ],
         ),
         report.Section("Coverage", [], [report.Table(", ".join(KEY), found["coverage"])]),
-        *([report.Section("Recordings", [], [report.Table(SIGNALS, found["signals"])])] if scenes else []),
+        *([report.Section("Recordings", [], [report.Table(SIGNALS, signals)])] if scenes else []),
         *_worst(params, run, rows, asked),
     ]
     report.write_report(run.path("report.html"), "Evaluation", sections=sections, manifest=run.manifest("complete"))

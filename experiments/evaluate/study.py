@@ -1,7 +1,7 @@
 """Which drivers drive which missions among what traffic, and the rows that come of it."""
 
+import dataclasses
 import json
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,12 +10,13 @@ import numpy as np
 from experiments.common import recordings
 from urbanjax.drivers import DRIVERS, IdmDriver, PdmDriver
 from urbanjax.evaluation import road_users
-from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
+from urbanjax.evaluation.batch import Job, Outcome
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
 from urbanjax.evaluation.missions.localized import GIVEN, LOCALIZATIONS, LocalizedMission, Roads
-from urbanjax.evaluation.missions.mission import Mission
+from urbanjax.evaluation.missions.mission import LONGEST, Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
+from urbanjax.evaluation.together import Batch
 from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.graph import RoadGraph
@@ -31,7 +32,19 @@ RECORDED = "replay"  # the traffic of recordings
 STAMP = "of.json"  # in the folder of rows: what they are of
 DRIVEN = (
     *("vehicle", "period", "sim"),
-    *("missions", "scenes", "drivers", "traffic", "localization", "seeds", "seed", "epdms", "worst", "resume"),
+    *(
+        "missions",
+        "scenes",
+        "drivers",
+        "traffic",
+        "localization",
+        "seeds",
+        "seed",
+        "duration",
+        "epdms",
+        "worst",
+        "resume",
+    ),
     *("logs", "coordinator", "process", "processes"),
 )
 OF_SCENES = ("folder", "egos", "corridor")
@@ -46,7 +59,7 @@ class EvaluateStudy(LoopParams):
         **dict.fromkeys(("row", "before"), Unread("no row is driven again, see 'replay'", lambda p: not p.replay)),
         **dict.fromkeys(DRIVEN, Unread("nothing new is driven with 'replay' or 'run'", lambda p: p.replay or p.run)),
         **dict.fromkeys(
-            ("seeds", "seed"),
+            ("seeds", "seed", "duration"),
             Unread("no mission is drawn, see 'missions'", lambda p: p.replay or p.run or not p.missions),
         ),
         **dict.fromkeys(OF_SCENES, Unread("no recording is driven in, see 'scenes'", lambda p: not p.scenes)),
@@ -90,6 +103,7 @@ class EvaluateStudy(LoopParams):
     localization: tuple[str, ...] = static(default=(GIVEN,), metadata={"choices": (GIVEN, *LOCALIZATIONS)})
     seeds: int = static(default=256, metadata={"range": (1, 10**5)})  # drives of each mission
     seed: int = static(default=0, metadata={"range": (0, 2**31)})  # the first one
+    duration: float = static(default=LONGEST, metadata={"range": (1.0, LONGEST)})  # s, after which a drive is too late
     epdms: bool = static(default=False)  # rows hold this score too, for which `pdm` drives beside everybody
     worst: int = static(default=10, metadata={"range": (0, 1000)})  # drives shown as pictures
     logs: bool = static(default=False)  # whether the logs of all drives are written too, as Parquet
@@ -135,7 +149,7 @@ def missions_of(study: EvaluateStudy) -> Asked:
     roads = Roads(study.sensor)
     found: Asked = {}
     for how in study.localization:
-        for mission in (MISSIONS[name] for name in study.missions):
+        for mission in (dataclasses.replace(MISSIONS[name], longest=study.duration) for name in study.missions):
             one = mission if how == GIVEN else LocalizedMission(mission, how, roads)
             found[one.name] = one
     for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
@@ -151,40 +165,21 @@ def missions_of(study: EvaluateStudy) -> Asked:
     return found
 
 
-def chunks(study: EvaluateStudy, asked: Asked) -> dict[tuple[str, str], dict[str, list[Job]]]:
-    """The drives by driver and traffic, and by the name of their chunk. Args: asked, the missions by name."""
-    found: dict[tuple[str, str], dict[str, list[Job]]] = {}
-    for driver in dict.fromkeys(study.drivers):
-        for traffic in dict.fromkeys(study.traffic):
-            jobs = jobs_of(study, asked, traffic)
-            starts = range(0, len(jobs), CHUNK)
-            found[driver, traffic] = {f"{driver}-{traffic}-{k // CHUNK:05d}": jobs[k : k + CHUNK] for k in starts}
-    return found
-
-
-def drives(
-    study: EvaluateStudy,
-    asked: Asked,
-    done: dict[str, list[dict[str, Any]]],
-    tick: Callable[[str, float], None],
-) -> Iterator[tuple[str, list[dict[str, Any]], list[Outcome]]]:
-    """The rows of this process' drives by chunk, whose name says which, and the outcomes that were driven for them.
-
-    Args: asked, the missions by name; done, chunks that are known by name.
-    """
-    parts = chunks(study, asked)
-    total, count = sum(len(jobs) for named in parts.values() for jobs in named.values()), 0
-    for (driver, traffic), named in parts.items():
-        mine = dict.fromkeys([name for name in named if name not in done][study.process :: study.processes])
-        flat = [job for name in mine for job in named[name]]
-        found = outcomes(loop_of(study, driver), flat, traffic=traffic, logs=study.logs, epdms=study.epdms)
-        tick(f"{driver} in {traffic} traffic", count / total)
-        for name, jobs in named.items():
-            ended = [next(found) for _ in jobs] if name in mine else []
-            count += len(jobs)
-            tick(f"{driver} in {traffic} traffic: {jobs[-1].mission.name}", count / total)
-            if name in done or ended:
-                yield name, done.get(name) or [row_of(driver, one) for one in ended], ended
+def batches(study: EvaluateStudy, asked: Asked) -> list[Batch]:
+    """The drives by driver and traffic, whose names are their batch's. Args: asked, the missions by name."""
+    return [
+        Batch(
+            f"{driver}-{traffic}",
+            (loop_of(study, driver),),
+            tuple(jobs),
+            traffic=traffic,
+            logs=study.logs,
+            epdms=study.epdms,
+        )
+        for driver in dict.fromkeys(study.drivers)
+        for traffic in dict.fromkeys(study.traffic)
+        if (jobs := jobs_of(study, asked, traffic))
+    ]
 
 
 def row_of(driver: str, outcome: Outcome) -> dict[str, Any]:
@@ -218,7 +213,7 @@ def rows_of(directory: str, key: str) -> list[dict[str, Any]]:
 
 
 def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """The chunks of a run that was cut off, by name. Args: resume, its directory; stamp, of this run.
+    """The rows of a run that was cut off, by the names of its parts. Args: resume, its directory; stamp, of this run.
 
     Raises ConfigError for a run of another config or of other code: their drives do not belong together.
     """

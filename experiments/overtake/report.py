@@ -1,7 +1,7 @@
 """The paper's Fig. 10, overtaking at five values of tau over paired starts."""
 
 from experiments.common import overtaking
-from experiments.common.overtaking import OvertakeStudy
+from experiments.common.overtaking import Fig10, OvertakeDrives, OvertakeStudy
 from experiments.overtake import figures, study
 from urbanjax.io.figures import animation
 from urbanjax.io.runs import progress, report
@@ -15,13 +15,27 @@ CAPTION = (
 )
 
 
+class SweptOvertakes(OvertakeDrives):
+    """The drives of one job of a sweep."""
+
+    def __init__(self, params: OvertakeStudy, run: Run) -> None:
+        """The drives of a study, whose numbers go to a run."""
+        super().__init__(params)
+        self.run = run
+
+    def finish(self) -> None:
+        """Write the numbers."""
+        _write_tables(self.found(), self.run)
+
+
 def section(params: OvertakeStudy, run: Run) -> report.Section:
     """Drive, write tables, figures and the GIF into the run; returns what the report shows of it."""
     with progress.bar("overtaking") as tick:
         found, times = overtaking.drive(params, tick)
-    run.table("overtake", study.table(found))
-    run.table("overtake_starts", study.starts(found))
-    run.summary({**study.summary(found), **times})
+    _write_tables(found, run)
+    if run.swept:
+        return report.Section("", [], [])
+    run.summary(times)
     table = report.Table(CAPTION, study.with_intervals(found))
     progress.show_table("overtaking", study.by_tau(study.table(found)))
     start = figures.exemplar(found)
@@ -40,9 +54,17 @@ def section(params: OvertakeStudy, run: Run) -> report.Section:
     return report.Section("Overtaking: aggressiveness against progress", [], items)
 
 
+def _write_tables(found: Fig10, run: Run) -> None:
+    run.table("overtake", study.table(found))
+    run.table("overtake_starts", study.starts(found))
+    run.summary(study.summary(found))
+
+
 def write(params: OvertakeStudy, run: Run) -> None:
     """Run the study and write its report."""
     shown = section(params, run)
+    if run.swept:
+        return
     report.write_report(
         run.path("report.html"), "Overtaking at five values of tau", sections=[shown], manifest=run.manifest("complete")
     )

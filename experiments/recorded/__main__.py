@@ -3,11 +3,11 @@
 With `egos=problems` the planning problems of the CommonRoad files are driven instead.
 """
 
-from experiments.recorded.report import write
+from experiments.recorded.report import SweptRecordings, write
 from experiments.recorded.study import RecordedStudy
 from urbanjax.io.runs import cli
 
-main = cli.experiment("recorded", RecordedStudy)(write)
+main = cli.experiment("recorded", RecordedStudy, evaluation=SweptRecordings)(write)
 
 if __name__ == "__main__":
     main()

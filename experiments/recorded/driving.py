@@ -6,11 +6,12 @@ import jax
 import numpy as np
 
 from urbanjax.evaluation import collisions
-from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
+from urbanjax.evaluation.batch import CHUNK, Job, Outcome
 from urbanjax.evaluation.collisions import Contact
 from urbanjax.evaluation.missions.recorded import recorded_mission
 from urbanjax.evaluation.recorded import goals
 from urbanjax.evaluation.recorded.scenes import RecordedScene
+from urbanjax.evaluation.together import Batch, Wanted, together
 from urbanjax.rollout import LoopParams
 from urbanjax.types import host_record
 
@@ -48,18 +49,27 @@ class Drive:
         return f"{self.contact.name.lower()} contact with {self.contact_with} after {self.contact_time:.1f} s"
 
 
-def drive(loop: LoopParams, scene: RecordedScene) -> Iterator[Drive]:
+def batch_of(loop: LoopParams, scene: RecordedScene) -> Batch:
     """All drives of a scene, each as long as its record (at most 30 s), whatever it passes.
 
     Args: loop, the stack and the simulator; scene, the recording with its starts.
     """
     mission = recorded_mission(scene, endless=True)
-    jobs = [Job(mission, k) for k in range(mission.count)]
-    for one in outcomes(loop, jobs, traffic="replay", chunk=min(CHUNK, len(jobs)), logs=True):
-        yield _read(scene, one)
+    jobs = tuple(Job(mission, k) for k in range(mission.count))
+    return Batch(scene.name, (loop,), jobs, traffic="replay", chunk=min(CHUNK, max(len(jobs), 1)), logs=True)
 
 
-def _read(scene: RecordedScene, outcome: Outcome) -> Drive:
+def drive(loop: LoopParams, scene: RecordedScene) -> Iterator[Drive]:
+    """The drives of a scene. Args: loop, the stack and the simulator; scene, the recording with its starts."""
+    batch = batch_of(loop, scene)
+    for came in together([Wanted("", batch, part) for part in batch.parts]):
+        if came.error is not None:
+            raise came.error
+        yield from (read(scene, one) for one in came.outcomes)
+
+
+def read(scene: RecordedScene, outcome: Outcome) -> Drive:
+    """One drive beside the recorded one. Args: scene; outcome, with its log."""
     k, log, vehicle = outcome.job.seed, outcome.log, outcome.vehicle
     assert log is not None
     assert vehicle is not None

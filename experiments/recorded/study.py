@@ -39,10 +39,15 @@ def paths(study: RecordedStudy) -> list[Path]:
     return recordings.paths(study.files, study.folder, key="files")
 
 
-def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tuple[RecordedScene, list[Drive]]:
-    """One recording and all drives in it."""
-    tick(f"{path.stem}: map and routes")
+def scene_in(study: RecordedStudy, path: Path) -> RecordedScene:
+    """One recording with its starts. Args: path of its file."""
     road = recordings.read(path, study.period, key="files")
-    scene = recordings.scene_of(road, study.corridor, egos=study.egos, shortest=study.shortest, vehicle=study.vehicle)
+    return recordings.scene_of(road, study.corridor, egos=study.egos, shortest=study.shortest, vehicle=study.vehicle)
+
+
+def drives(study: RecordedStudy, path: Path, tick: Callable[[str], None]) -> tuple[RecordedScene, list[Drive]]:
+    """One recording and all drives in it. Args: path of its file; tick, told what is done."""
+    tick(f"{path.stem}: map and routes")
+    scene = scene_in(study, path)
     tick(f"{path.stem}: {len(scene.starts)} drives")
     return scene, list(drive(study.loop(), scene))

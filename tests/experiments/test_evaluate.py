@@ -4,6 +4,8 @@ import dataclasses
 import json
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 import yaml
 
@@ -13,6 +15,7 @@ from experiments.evaluate.study import EvaluateStudy
 from tests.conftest import REPOSITORY
 from tests.io.maps import texts
 from urbanjax.drivers import DRIVERS
+from urbanjax.evaluation.batch import Job, Outcome
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.evaluation.verdict import Cause
@@ -184,17 +187,56 @@ def test_recordings_are_asked_for_by_their_drivers_or_by_their_problems(tmp_path
         assert recordings.signals([one.scene])["signals by the map's program"] == [1]
 
 
-def test_what_is_known_of_a_run_is_not_driven_again(monkeypatch):
-    params = EvaluateStudy(missions=("cut_in",), drivers=("idm",), seeds=20)
-    monkeypatch.setattr(study, "outcomes", lambda loop, jobs, **how: iter([f"driven {job.seed}" for job in jobs]))
-    monkeypatch.setattr(study, "row_of", lambda driver, outcome: {"row": outcome})
-    known = {"idm-idm-00000": [{"row": f"known {seed}"} for seed in range(16)]}
-    found = {
-        name: rows
-        for name, rows, _ in study.drives(params, study.missions_of(params), known, lambda label, share: None)
-    }
-    assert found["idm-idm-00000"] == known["idm-idm-00000"]
-    assert found["idm-idm-00001"] == [{"row": f"driven {seed}"} for seed in range(16, 20)]
+def known_run(folder, params, *, parts=(), logs=()):
+    """The directory of a run of these params that was cut off, with the rows and the logs of some parts."""
+    run = directory.Run(folder, {})
+    found = driving.MissionDrives(params, run)
+    for name in parts:
+        rows = [{**row("idm", "cut_in", job.seed, True, 0.5)} for job in found.batches[0].parts[name]]
+        pyarrow.parquet.write_table(pyarrow.table(tables.columns(rows)), run.path("rows") / f"{name}.parquet")
+    run.path("logs").mkdir(exist_ok=True)
+    for name in logs:
+        (run.path("logs") / f"{name}.parquet").write_text("logs")
+    return str(run.directory)
+
+
+def test_what_is_known_of_a_run_is_not_driven_again(tmp_path):
+    params = EvaluateStudy(missions=("cut_in",), drivers=("idm",), seeds=40)
+    names = [f"idm-idm-cut_in-{k:05d}" for k in range(3)]
+    cut = known_run(tmp_path / "cut", params, parts=names[:2])
+    found = driving.MissionDrives(dataclasses.replace(params, resume=cut), directory.Run(tmp_path / "rest", {}))
+    assert list(found.missing()) == names[2:]
+    found.take(names[2], [Outcome(job, row("idm", "cut_in", job.seed, True, 0.5)) for job in range_of(8)], _now)
+    rows = found.rows()
+    assert [one["seed"] for one in rows] == list(range(40))
+    assert sorted(path.stem for path in (tmp_path / "rest" / "rows").glob("*.parquet")) == names
+
+
+def range_of(count):
+    return [Job(MISSIONS["cut_in"], 32 + k) for k in range(count)]
+
+
+def _now(call):
+    call()
+
+
+def test_a_part_without_its_logs_is_driven_again_where_logs_are_wanted(tmp_path):
+    params = EvaluateStudy(missions=("cut_in",), drivers=("idm",), seeds=40)
+    names = [f"idm-idm-cut_in-{k:05d}" for k in range(3)]
+    cut = known_run(tmp_path / "cut", params, parts=names, logs=names[:1])
+    plain, logged = (dataclasses.replace(params, resume=cut, logs=logs) for logs in (False, True))
+    assert not driving.MissionDrives(plain, directory.Run(tmp_path / "plain", {})).missing()
+    assert list(driving.MissionDrives(logged, directory.Run(tmp_path / "logged", {})).missing()) == names[1:]
+
+
+def test_processes_share_the_parts_and_none_is_driven_twice(tmp_path):
+    params = EvaluateStudy(missions=("cut_in", "overtake"), drivers=("idm",), seeds=40, processes=3)
+    shares = [
+        list(driving.MissionDrives(dataclasses.replace(params, process=k), directory.Run(tmp_path, {})).missing())
+        for k in range(3)
+    ]
+    assert [len(share) for share in shares] == [2, 2, 2]
+    assert len({name for share in shares for name in share}) == 6
 
 
 @pytest.mark.parametrize(
@@ -227,12 +269,3 @@ def test_only_a_run_of_the_same_config_and_code_is_gone_on_with(tmp_path):
 
 def test_another_driver_than_the_stack_has_no_reasons():
     assert replay.reasons(None) == {}
-
-
-def test_a_chunk_without_its_logs_is_driven_again_where_logs_are_wanted(tmp_path):
-    (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / "idm-idm-00000.parquet").touch()
-    done = {"idm-idm-00000": ROWS[:1], "idm-idm-00001": ROWS[1:2]}
-    params = EvaluateStudy(resume=str(tmp_path))
-    assert driving._with_logs(params, done) == done
-    assert list(driving._with_logs(dataclasses.replace(params, logs=True), done)) == ["idm-idm-00000"]

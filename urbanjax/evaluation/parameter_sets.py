@@ -1,7 +1,7 @@
 """Parameter sets that one program drives: alike in all but the values of their leaves (host side)."""
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from typing import Any
 
 import jax
@@ -46,7 +46,7 @@ def parameter_sets(
     loops = [loop] if isinstance(loop, LoopParams) else list(loop)
     if not loops:
         raise ConfigError("there is no parameter set: give LoopParams, or several of them")
-    loops = [as_arrays(one.loop().replace(sim=mannered_sim(one.sim, traffic))) for one in loops]
+    loops = [_among(one, traffic) for one in loops]
     for number, one in enumerate(loops):
         key = _first_difference(loops[0], one) or ("period" if one.period != loops[0].period else "")
         if key:
@@ -57,6 +57,16 @@ def parameter_sets(
     for number in set(asked).difference(range(len(loops))):
         raise ConfigError(f"there is no parameter set {number}: give jobs a number from 0 to {len(loops) - 1}")
     return _stacked(loops)
+
+
+def form_of(loop: LoopParams, *, traffic: str) -> Hashable:
+    """What loops have to share for one program to drive them. Args: loop; traffic, how the others drive."""
+    return *_form(_among(loop, traffic)), float(loop.period)
+
+
+def _among(loop: LoopParams, traffic: str) -> LoopParams:
+    """The loop alone, as arrays, among traffic of a kind."""
+    return as_arrays(loop.loop().replace(sim=mannered_sim(loop.sim, traffic)))
 
 
 def _first_difference(one: Any, other: Any) -> str:
@@ -72,7 +82,7 @@ def _first_difference(one: Any, other: Any) -> str:
 def _form(tree: Any) -> tuple:
     """What a compiled program depends on."""
     leaves, structure = jax.tree.flatten(tree)
-    return structure, [(leaf.shape, leaf.dtype) for leaf in leaves]
+    return structure, tuple((leaf.shape, leaf.dtype) for leaf in leaves)
 
 
 def _stacked(loops: Sequence[LoopParams]) -> ParameterSets:

@@ -14,7 +14,7 @@ from urbanjax.types import as_arrays, host_record
 from urbanjax.vehicle.params import VehicleParams
 
 ROADS = 16  # that a mission draws; seed after seed takes the next one
-LONGEST = 30.0  # s, of any drive of a mission
+LONGEST = 30.0  # s, of any drive of a mission, where nothing shorter is asked
 BEYOND = 10.0  # m, behind the last junction
 SLACK = 4.0  # s, on top of the time that the pace of a mission gives
 
@@ -30,15 +30,11 @@ class Mission:
     way: float | None  # m, from the start to the goal; None: to `BEYOND` the last junction
     pace: float  # of the speed limit, that the time limit asks for
     size: StageSize = StageSize()
-
-    @property
-    def longest(self) -> float:
-        """Duration [s] of its logs."""
-        return LONGEST
+    longest: float = LONGEST  # s, of its logs: after that a drive ends
 
     def limit(self, way: float, speed_limit: float) -> float:
         """Time [s] in which the goal is to be reached. Args: way m, to it; speed_limit m/s."""
-        return min(way / (self.pace * speed_limit) + SLACK, LONGEST)
+        return min(way / (self.pace * speed_limit) + SLACK, self.longest)
 
     def case(self, seed: int, *, others: TrafficParams, vehicle: VehicleParams) -> Case:
         """The drive of a seed: the same for every driver, and whatever else is drawn.

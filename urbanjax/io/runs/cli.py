@@ -1,30 +1,34 @@
 """The command line of every experiment: Hydra in front, checked params behind, errors in one line."""
 
-import contextlib
 import functools
+import importlib.util
 import inspect
 import os
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from urbanjax.io.runs import directory, processes
-from urbanjax.types import ConfigError, UrbanJaxError, unread
+from urbanjax.io.runs import parameter_file
+from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.evaluations import Evaluation
+from urbanjax.io.runs.program import Body, Program, stop
+from urbanjax.types import UrbanJaxError
 from urbanjax.types import config as configs
 
 T = TypeVar("T")
 SHOWN = 12  # names in a message
-Body = Callable[[T, directory.Run], None]
 
 
-def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[], None]]:
+def experiment(
+    name: str, params_class: type[T], *, evaluation: Callable[[T, Run], Evaluation] | None = None
+) -> Callable[[Body], Callable[[], None]]:
     """A decorator that makes a command-line program of `body(params, run)`.
 
     `--cfg job` shows every value of `params_class`; any can be overridden (`stack.gvp.tau=1`), swept (`-m`) or set
     by a file of `configs/<name>/preset/` (`preset=smoke`). What the user got wrong ends in one line and exit code 2.
-    Args: name of the program, its presets and its runs; params_class, a pytree of its parameters.
+    Args: name of the program, its presets and its runs; params_class, a pytree of its parameters; evaluation, where the
+    body evaluates drives: what it drives, so that the jobs of a sweep share programs.
     """
 
     def decorate(body: Body) -> Callable[[], None]:
@@ -33,89 +37,54 @@ def experiment(name: str, params_class: type[T]) -> Callable[[Body], Callable[[]
             folder = Path(inspect.getfile(inspect.unwrap(body))).resolve().parents[2] / "configs" / name
             tree = configs.schema(params_class)
             try:
-                _launch(name, tree, folder, functools.partial(_task, params_class, body))
+                _launch(Program(name, params_class, body, evaluation), tree, folder)
             except UrbanJaxError as error:
-                _stop(str(error))
+                stop(str(error))
             except Exception as error:
                 message = _hydra_message(error, tree, folder)
                 if message is None:
                     raise
-                _stop(message)
+                stop(message)
 
         return program
 
     return decorate
 
 
-def _stop(message: str) -> None:
-    print(f"error: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(2)
-
-
-def _launch(name: str, tree: dict[str, Any], folder: Path, task: Callable[[Any], None]) -> None:
+def _launch(program: Program, tree: dict[str, Any], folder: Path) -> None:
     import hydra
     from hydra.core.config_store import ConfigStore
 
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises what it would print with a traceback
-    directory = f"outputs/{name}"
+    directory = f"outputs/{program.name}"
     node = {
         "defaults": [
             "_self_",
             {"preset": None},
             {"override hydra/job_logging": "none"},
             {"override hydra/hydra_logging": "none"},
+            *_plugins(program),
         ],
         "hydra": {
-            "job": {"name": name, "chdir": False},
+            "job": {"name": program.name, "chdir": False},
             "output_subdir": None,
             "run": {"dir": directory + "/${now:%Y-%m-%d_%H-%M-%S}"},
-            "sweep": {"dir": directory + "/${now:%Y-%m-%d_%H-%M-%S}", "subdir": "${hydra.job.num}"},
+            "sweep": {"dir": directory + "/sweeps", "subdir": "${hydra.job.num}"},
         },
+        parameter_file.KEY: "",
         **tree,
     }
-    ConfigStore.instance().store(name=name, node=node)
+    ConfigStore.instance().store(name=program.name, node=node)
     folder = folder if folder.is_dir() else Path(__file__).parent  # Hydra wants a folder, also without presets
-    hydra.main(version_base="1.3", config_path=str(folder), config_name=name)(task)()
+    hydra.main(version_base="1.3", config_path=str(folder), config_name=program.name)(program)()
 
 
-def _task(params_class: type[T], body: Body, config: Any) -> None:
-    from hydra.core.hydra_config import HydraConfig
-
-    runtime, typed = HydraConfig.get().runtime, HydraConfig.get().overrides.task
-    folder = Path(runtime.output_dir)
-    try:  # ends the program from inside: what leaves a Hydra job as an exception is reported by Hydra too
-        values, params = _read(params_class, config, runtime)
-        keys = [text.partition("=")[0].lstrip("+~") for text in typed]
-        unread.check_read(params, [*keys, *unread.changed(values, configs.schema(params_class))])
-        record = processes.recorder(values)
-        with record(folder, values, seed=values.get("seed")) as run:
-            body(params, run)
-    except UrbanJaxError as error:
-        with contextlib.suppress(OSError):
-            folder.rmdir()  # nothing was written
-        _stop(str(error))
-
-
-def _read(params_class: type[T], config: Any, runtime: Any) -> tuple[dict[str, Any], T]:
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
-    try:
-        values: Any = OmegaConf.to_container(config, resolve=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(str(error).splitlines()[0]) from error
-    return values, configs.to_params(params_class, values, source=_source(values, params_class, runtime))
-
-
-def _source(values: dict[str, Any], params_class: type, runtime: Any) -> str:
-    """The preset file that brought a key which the class does not have, for the message; empty when none did."""
-    preset = runtime.choices.get("preset")
-    unknown = set(configs.keys(values)) - set(configs.keys(configs.schema(params_class)))
-    if not preset or not unknown:
-        return ""
-    folders = [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
-    files = [folder / "preset" / f"{preset}.yaml" for folder in folders]
-    return next((os.path.relpath(file) for file in files if file.is_file()), "")
+def _plugins(program: Program) -> list[dict[str, str]]:
+    """Sweeper and launcher of the project, where they are there: the experiments' folder holds them, no wheel does."""
+    if importlib.util.find_spec("hydra_plugins.urbanjax_sweeps") is None:
+        return []
+    launcher = [{"override hydra/launcher": "vmap"}] if program.evaluation else []
+    return [{"override hydra/sweeper": "design"}, *launcher]
 
 
 def _hydra_message(error: Exception, tree: dict[str, Any], folder: Path) -> str | None:

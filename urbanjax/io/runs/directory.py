@@ -16,21 +16,37 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+HIDDEN = ("manifest.json", ".lock")
 PACKAGES = ("urbanjax", "jax", "jaxlib", "numpy", "flax", "highway-env")
 
 
 class Run:
     """The directory of one run. Everything is written when it is known, so a failure keeps what came before."""
 
-    def __init__(self, directory: Path, config: Mapping[str, Any], seed: int | None = None):
-        """Make the directory (a fresh one beside it when a run is there already)."""
-        self.directory = _fresh(directory)
+    def __init__(
+        self,
+        directory: Path,
+        config: Mapping[str, Any],
+        seed: int | None = None,
+        job: Mapping[str, Any] | None = None,
+    ):
+        """Make the directory (a fresh one beside it when a run is there already).
+
+        Of a job of a sweep, which is told in `job`, it is the one that the sweep has for it.
+        """
+        self.directory = _fresh(directory) if job is None else Path(directory)
         self.directory.mkdir(parents=True, exist_ok=True)
+        self.job = dict(job or {})
         self.config = dict(config)
         self.seed = seed
         self.started = time.time()
         self._clock = time.perf_counter()
         self._summary: dict[str, float | int | None] = {}
+
+    @property
+    def swept(self) -> bool:
+        """Whether it is a job of a sweep, which shows what all of them come to: it writes numbers alone."""
+        return bool(self.job)
 
     def path(self, name: str) -> Path:
         """Where a file of this run goes."""
@@ -77,7 +93,8 @@ class Run:
             "git": git_state(),
             "versions": versions(),
             "device": device(),
-            "files": sorted(file.name for file in self.directory.iterdir() if file.name != "manifest.json"),
+            "files": sorted(file.name for file in self.directory.iterdir() if file.name not in HIDDEN),
+            **({**self.job, "summary": self._summary} if self.swept else {}),
         }
 
 

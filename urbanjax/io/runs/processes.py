@@ -20,6 +20,16 @@ LONGEST = 4096  # bytes of a message
 PAUSE = 0.2  # s between two looks at the disk
 
 
+def shared(config: Mapping[str, Any]) -> bool:
+    """Whether several processes share a run. Args: config, of it."""
+    return config.get("processes", 1) > 1
+
+
+def follows(config: Mapping[str, Any]) -> bool:
+    """Whether this is not the first process, which writes what all have found. Args: config, of the run."""
+    return config.get("process", 0) > 0
+
+
 def recorder(values: Mapping[str, Any]) -> Callable:
     """What makes the `Run` of a config: `directory.record`, or the same with the directory of process 0.
 

@@ -1,0 +1,2 @@
+def write_sweep(folder):
+    print("report", folder)

@@ -1,0 +1,1 @@
+"""Sweeps: which values, what a sweep is named by, which of its jobs are done."""

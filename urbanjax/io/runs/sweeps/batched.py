@@ -1,0 +1,88 @@
+"""Jobs of a sweep as one evaluation: those that differ in values of their parameters alone share programs."""
+
+import copy
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from urbanjax.io.runs import evaluations, processes
+from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.evaluations import Evaluation
+from urbanjax.io.runs.program import Program, fail, is_of_disk, job_run, plain
+from urbanjax.types import ConfigError, host_record
+
+
+@host_record
+class BatchedJob:
+    """One job."""
+
+    folder: Path
+    config: Any  # composed
+    keys: Sequence[str]  # that somebody set
+
+
+def changed_config(config: Any, values: Mapping[str, Any]) -> Any:
+    """A composed config with some values changed. Args: config; values by dotted key, of keys that it has.
+
+    Raises ConfigError for a key that it does not have.
+    """
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    changed = copy.deepcopy(config)
+    for key, value in values.items():
+        try:
+            OmegaConf.update(changed, key, value, merge=True)
+        except OmegaConfBaseException as error:
+            raise ConfigError(f"cannot set '{key}': {str(error).splitlines()[0]}") from error
+    return changed
+
+
+def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
+    """Do the jobs; what one raises is said in its manifest, and ends nothing else.
+
+    Args: program, of an experiment that evaluates; jobs. Raises ConfigError for any other experiment, and OSError for a
+    disk that takes nothing any more.
+    """
+    if program.evaluation is None:
+        raise ConfigError(
+            f"'{program.name}' evaluates no drives, which is what hydra/launcher=vmap batches: ask for "
+            "hydra/launcher=basic or hydra/launcher=joblib"
+        )
+    runs: dict[str, Run] = {}
+    begun: dict[str, Evaluation] = {}
+    for job in jobs:
+        runs[job.folder.name] = run = job_run(job.folder, plain(job.config))
+        try:
+            run.config, params = program.read(job.config, job.keys)
+            begun[job.folder.name] = program.evaluation(params, run)
+        except Exception as error:
+            _fail(run, error)
+    waiting: list[str] = []
+
+    def ended(name: str, error: Exception | None) -> None:
+        if error is not None:
+            _fail(runs[name], error)
+        elif processes.shared(runs[name].config):
+            waiting.append(name)  # others drive their share of it at the same time
+        else:
+            _finish(runs[name], begun.pop(name))
+
+    evaluations.evaluate(begun, ended=ended, title="sweep")
+    for name in waiting:
+        _finish(runs[name], begun.pop(name))
+
+
+def _finish(run: Run, evaluation: Evaluation) -> None:
+    try:
+        evaluation.finish()
+        if not processes.follows(run.config):
+            run.finish("complete")
+    except Exception as error:
+        _fail(run, error)
+
+
+def _fail(run: Run, error: Exception) -> None:
+    if isinstance(error, OSError) and is_of_disk(error):
+        raise error
+    fail(run, error)

@@ -1,0 +1,26 @@
+"""What the numbers of a sweep depend on besides its config: the sources, and the versions of what they call."""
+
+import functools
+import hashlib
+from importlib import metadata
+from pathlib import Path
+
+PACKAGES = ("jax", "jaxlib", "numpy", "scipy")
+ROOT = Path(__file__).resolve().parents[4]
+
+
+@functools.cache
+def code_digest() -> str:
+    """SHA-256 of all sources under `urbanjax/` and `experiments/`, with their paths."""
+    digest = hashlib.sha256()
+    for folder in ("urbanjax", "experiments"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            text = path.read_bytes()
+            digest.update(f"{path.relative_to(ROOT).as_posix()} {len(text)}\n".encode())
+            digest.update(text)
+    return digest.hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that decide the numbers."""
+    return {name: metadata.version(name) for name in PACKAGES}

@@ -1,0 +1,91 @@
+"""A sweep from its plan to its report, whoever does its jobs."""
+
+import contextlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from urbanjax.io.runs import parameter_file, program
+from urbanjax.io.runs.processes import KEYS
+from urbanjax.io.runs.sweeps import plan
+from urbanjax.io.runs.sweeps.plan import SweepPlan, PlannedJob
+from urbanjax.types import UrbanJaxError
+
+GROUPS = ("preset",)  # keys that choose among files
+APART = ("resume", *KEYS)  # keys that change nothing in what is computed
+
+
+def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The config of all jobs before their overrides: with its interpolations, and resolved.
+
+    Args: task, the program; config, composed for the whole sweep; keys, that are swept.
+    """
+    from omegaconf import OmegaConf
+
+    own: Any = program.own(config)
+    for key in keys:
+        if key not in GROUPS and OmegaConf.select(own, key, throw_on_missing=False) is not None:
+            OmegaConf.update(own, key, None, force_add=True)
+    raw: Any = OmegaConf.to_container(own, resolve=False)
+    resolved = {name: value for name, value in program.plain(own).items() if name not in APART}
+    if file := resolved.get(parameter_file.KEY):
+        resolved[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
+    return raw, resolved
+
+
+def run(
+    planned: SweepPlan,
+    folder: Path,
+    *,
+    launch: Callable[[Sequence[PlannedJob]], None],
+    report: Callable[[Path], Any],
+    process: int = 0,
+) -> None:
+    """Have the jobs done that are left, and report on all.
+
+    Args: planned, the sweep; folder, its directory; launch, does jobs; report, of a directory; process, number of this
+    one where several share the jobs: the first one plans and reports. Raises UrbanJaxError where jobs have failed or
+    are missing, after the report.
+    """
+    plan.check_folder(folder)
+    first = process == 0
+    with plan.held(folder, wait=False) if first else contextlib.nullcontext():
+        if first:
+            planned.write(folder)
+        left = [job for job in planned.jobs if plan.status_of(folder / job.name) != plan.COMPLETE]
+        done = f", {len(planned.jobs) - len(left)} of them done before" if len(left) < len(planned.jobs) else ""
+        print(f"sweep {planned.sweep}: {len(planned.jobs)} jobs{done}, in {folder}", flush=True)
+        error = _launched(launch, left)
+        if first:
+            report(folder)
+    if not first:
+        return
+    states = {job.name: plan.status_of(folder / job.name) for job in planned.jobs}
+    failed = [name for name, state in states.items() if state == plan.FAILED]
+    missing = [name for name, state in states.items() if state is None]
+    if failed or missing or error:
+        told = [f"{len(failed)} failed ({_some(failed)})"] * bool(failed)
+        told += [f"{len(missing)} are missing ({_some(missing)})"] * bool(missing)
+        why = f" [{error}]" if error else ""
+        raise UrbanJaxError(
+            f"of {len(states)} jobs {' and '.join(told) or 'all are done'}{why}; the same command goes on with them, "
+            f"{folder}/report.html says why"
+        )
+
+
+def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[PlannedJob]) -> str:
+    """Have jobs done; returns what ended them early. A mistake in what is asked is raised."""
+    if not left:
+        return ""
+    try:
+        launch(left)
+    except UrbanJaxError:
+        raise
+    except Exception as error:
+        said = " ".join(str(error).split())
+        return f"{type(error).__name__}: {said[:300]}"
+    return ""
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
