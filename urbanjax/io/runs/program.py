@@ -1,12 +1,13 @@
 """An experiment as Hydra calls it: one run, or one job of a sweep."""
 
 import contextlib
+import errno
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeGuard, TypeVar
 
 from urbanjax.io.runs import parameter_file, processes
 from urbanjax.io.runs.directory import Run
@@ -18,6 +19,7 @@ from urbanjax.types import config as configs
 T = TypeVar("T")
 Body = Callable[[T, Run], None]
 CONFIG_EXIT = 2
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
 class Program(Generic[T]):
@@ -58,14 +60,18 @@ class Program(Generic[T]):
 
     def _job(self, folder: Path, config: Any, keys: Sequence[str]) -> None:
         """One job of a sweep, if it is not done; what it raises is said in its manifest, and ends nothing else."""
-        folder.mkdir(parents=True, exist_ok=True)
-        with plan.held(folder, wait=True):
-            if plan.status_of(folder) == plan.COMPLETE:
-                return
-            run = job_run(folder, plain(config))
-            with ends_in_manifest(run):
-                run.config, params = self.read(config, keys)
-                self.body(params, run)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with plan.held(folder, wait=True):
+                if plan.status_of(folder) == plan.COMPLETE:
+                    return
+                run = job_run(folder, plain(config))
+                with ends_in_manifest(run):
+                    run.config, params = self.read(config, keys)
+                    self.body(params, run)
+        except OSError as error:
+            print(f"job {folder.name}: {of_disk(error, folder)}", file=sys.stderr, flush=True)
+            raise
 
     def _single(self, folder: Path, config: Any, keys: Sequence[str]) -> None:
         try:  # ends the program from inside: what leaves a Hydra job as an exception is reported by Hydra too
@@ -111,7 +117,7 @@ def ends_in_manifest(run: Run) -> Iterator[None]:
         yield
         run.finish(plan.COMPLETE)
     except Exception as error:
-        if isinstance(error, OSError) and is_of_disk(error):
+        if is_of_disk(error):
             raise
         fail(run, error)
 
@@ -149,19 +155,16 @@ def typed(overrides: Iterable[str]) -> list[str]:
     return [text.partition("=")[0].lstrip("+~") for text in overrides]
 
 
-def is_of_disk(error: OSError) -> bool:
-    """Whether nothing can be written: a disk that is full or a folder that is read-only. Args: error."""
-    import errno
-
-    full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
-    return error.errno in full
+def is_of_disk(error: BaseException) -> TypeGuard[OSError]:
+    """Whether it says that nothing can be written: a disk is full or a folder read-only. Args: error."""
+    return isinstance(error, OSError) and error.errno in UNWRITABLE
 
 
 def of_disk(error: OSError, folder: Path) -> str:
     """What is said of it. Args: error; folder, into which was written."""
-    where = error.filename or folder
+    what = os.strerror(error.errno) if error.errno else str(error)
     return (
-        f"{where}: {error.strerror or error}; make room there, or name another folder with hydra.run.dir or "
+        f"{error.filename or folder}: {what}; make room there, or name another folder with hydra.run.dir or "
         "hydra.sweep.dir; what is written already is kept"
     )
 

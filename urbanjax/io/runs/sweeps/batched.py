@@ -83,6 +83,6 @@ def _finish(run: Run, evaluation: Evaluation) -> None:
 
 
 def _fail(run: Run, error: Exception) -> None:
-    if isinstance(error, OSError) and is_of_disk(error):
+    if is_of_disk(error):
         raise error
     fail(run, error)

@@ -8,9 +8,10 @@ from typing import Any
 from urbanjax.io.runs import parameter_file, program
 from urbanjax.io.runs.processes import KEYS
 from urbanjax.io.runs.sweeps import plan
-from urbanjax.io.runs.sweeps.plan import SweepPlan, PlannedJob
+from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepPlan
 from urbanjax.types import UrbanJaxError
 
+MOST = 300  # characters of an error
 GROUPS = ("preset",)  # keys that choose among files
 APART = ("resume", *KEYS)  # keys that change nothing in what is computed
 
@@ -55,9 +56,9 @@ def run(
         left = [job for job in planned.jobs if plan.status_of(folder / job.name) != plan.COMPLETE]
         done = f", {len(planned.jobs) - len(left)} of them done before" if len(left) < len(planned.jobs) else ""
         print(f"sweep {planned.sweep}: {len(planned.jobs)} jobs{done}, in {folder}", flush=True)
-        error = _launched(launch, left)
+        error = _launched(launch, left, folder)
         if first:
-            report(folder)
+            error = error or _reported(report, folder)
     if not first:
         return
     states = {job.name: plan.status_of(folder / job.name) for job in planned.jobs}
@@ -73,17 +74,27 @@ def run(
         )
 
 
-def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[PlannedJob]) -> str:
+def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[PlannedJob], folder: Path) -> str:
     """Have jobs done; returns what ended them early. A mistake in what is asked is raised."""
-    if not left:
-        return ""
     try:
-        launch(left)
+        if left:
+            launch(left)
     except UrbanJaxError:
         raise
     except Exception as error:
-        said = " ".join(str(error).split())
-        return f"{type(error).__name__}: {said[:300]}"
+        said = " ".join(str(error).split())[:MOST]
+        return program.of_disk(error, folder) if program.is_of_disk(error) else f"{type(error).__name__}: {said}"
+    return ""
+
+
+def _reported(report: Callable[[Path], Any], folder: Path) -> str:
+    """Report; returns why that was not possible on this disk."""
+    try:
+        report(folder)
+    except OSError as error:
+        if not program.is_of_disk(error):
+            raise
+        return program.of_disk(error, folder)
     return ""
 
 
