@@ -1,2 +1,0 @@
-def write_sweep(folder):
-    print("report", folder)
