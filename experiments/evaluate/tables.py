@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from experiments.common.scenes import base, scenes
 from urbanjax.evaluation import statistics
-from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.missions.localized import GIVEN
-from urbanjax.evaluation.missions.mission import ROADS
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.evaluation.whereabouts import LONG
@@ -41,17 +40,6 @@ def chosen(rows: Rows, **values: Any) -> Rows:
 def names(rows: Rows, column: str) -> list[str]:
     """What a column holds, in the order of the rows."""
     return list(dict.fromkeys(row[column] for row in rows))
-
-
-def scenes(rows: Rows) -> np.ndarray:
-    """The road or the recording of each drive: drives of one depend on each other."""
-    named = [(base(row), row) for row in rows]
-    return np.array([f"{name} {row['seed'] % ROADS if name in MISSIONS else ''}" for name, row in named])
-
-
-def base(row: dict[str, Any]) -> str:
-    """The mission of a drive, however it knew where it was."""
-    return row["mission"].removesuffix(f"_{row['localization']}")
 
 
 def scores(rows: Rows) -> dict[str, tuple[str, bool]]:

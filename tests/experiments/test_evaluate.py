@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from experiments.common import recordings
+from experiments.common.scenes import scenes
 from experiments.evaluate import driving, replay, report, study, tables
 from experiments.evaluate.study import EvaluateStudy
 from tests.conftest import REPOSITORY
@@ -116,7 +117,7 @@ def test_what_localization_costs_is_told_beside_the_same_drives_with_given_poses
     assert found["wrong for 1 s while normal [%]"][1].startswith("100.0")
     assert found["success [points], less given"][0] == "-"
     assert found["success [points], less given"][1].startswith("-43.8")
-    assert list(tables.scenes(lost)) == list(tables.scenes(given))
+    assert list(scenes(lost)) == list(scenes(given))
     mixed = tables.columns([*given, *lost])
     assert mixed["localization_longest_unnoticed_s"] == [None] * 16 + [2.0] * 16
     # Nothing pools drives of different kinds.

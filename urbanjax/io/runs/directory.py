@@ -28,13 +28,15 @@ class Run:
         directory: Path,
         config: Mapping[str, Any],
         seed: int | None = None,
+        *,
         job: Mapping[str, Any] | None = None,
+        again: bool = False,
     ):
-        """Make the directory (a fresh one beside it when a run is there already).
+        """Make the directory (a fresh one beside it when a run is there already, unless it is written `again`).
 
         Of a job of a sweep, which is told in `job`, it is the one that the sweep has for it.
         """
-        self.directory = _fresh(directory) if job is None else Path(directory)
+        self.directory = Path(directory) if again or job is not None else _fresh(directory)
         self.directory.mkdir(parents=True, exist_ok=True)
         self.job = dict(job or {})
         self.config = dict(config)

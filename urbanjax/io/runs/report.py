@@ -25,6 +25,14 @@ class Table:
         """The cells as text, row by row."""
         return [[cell(value) for value in row] for row in zip(*self.columns.values(), strict=True)]
 
+    @property
+    def marks(self) -> list[str]:
+        """What the cells of each column are marked with: words begin at the left, as the first column does."""
+        from markupsafe import Markup
+
+        words = [number > 0 and any(map(_is_words, values)) for number, values in enumerate(self.columns.values())]
+        return [Markup(' class="words"') if there else "" for there in words]
+
 
 @host_record
 class Picture:
@@ -42,11 +50,11 @@ class Picture:
 
 @host_record
 class Section:
-    """A heading, paragraphs, and tables and pictures in their order."""
+    """A heading, paragraphs, and tables, pictures and more paragraphs in their order."""
 
     title: str
     text: Sequence[str] = ()
-    items: Sequence[Table | Picture] = ()
+    items: Sequence[Table | Picture | str] = ()
 
 
 def cell(value: Any) -> str:
@@ -64,6 +72,11 @@ def cell(value: Any) -> str:
     return str(value)
 
 
+def _is_words(value: Any) -> bool:
+    """Whether a cell is a text that does not begin with a number, as one with its interval does."""
+    return isinstance(value, str) and value != "-" and not value.lstrip("+-~<> ")[:1].isdigit()
+
+
 def write_report(path: Path, title: str, *, sections: Sequence[Section], manifest: Mapping[str, Any]) -> None:
     """Write the page, whole or not at all; everything that it shows is inside the file.
 
@@ -73,6 +86,7 @@ def write_report(path: Path, title: str, *, sections: Sequence[Section], manifes
 
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.tests["table"] = lambda item: isinstance(item, Table)
+    environment.tests["paragraph"] = lambda item: isinstance(item, str)
     page = environment.from_string(PAGE).render(
         title=title, sections=sections, facts=_facts(manifest), config=json.dumps(manifest["config"], indent=2)
     )
@@ -109,10 +123,17 @@ h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; paddi
 table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; font-size: .9rem; }
 caption, figcaption { text-align: left; color: #555; font-size: .85rem; padding-bottom: .3rem; }
 th, td { padding: .25rem .7rem; border-bottom: 1px solid #eee; text-align: right; }
-th:first-child, td:first-child { text-align: left; }
+th:first-child, td:first-child, .words { text-align: left; }
+td.words { min-width: 5rem; max-width: 32rem; }
 thead th { border-bottom: 1px solid #999; font-weight: 600; }
 figure { margin: 1rem 0; }
 img { max-width: 100%; height: auto; border: 1px solid #eee; }
+p, caption, figcaption, td.fact { overflow-wrap: anywhere; }
+@media (max-width: 640px) {
+  body { margin: 1rem auto; padding: 0 .7rem; }
+  figure { overflow-x: auto; }
+  img { max-width: 640px; }
+}
 pre { background: #f7f7f7; padding: .8rem; overflow-x: auto; font-size: .8rem; }
 </style>
 </head>
@@ -125,13 +146,16 @@ pre { background: #f7f7f7; padding: .8rem; overflow-x: auto; font-size: .8rem; }
 {% endfor %}
 {% for item in section["items"] %}
 {% if item is table %}
+{% set marks = item.marks %}
 <div class="scroll"><table><caption>{{ item.caption }}</caption>
-<thead><tr>{% for name in item.columns %}<th>{{ name }}</th>{% endfor %}</tr></thead>
+<thead><tr>{% for name in item.columns %}<th{{ marks[loop.index0] }}>{{ name }}</th>{% endfor %}</tr></thead>
 <tbody>
 {% for row in item.rows %}
-<tr>{% for text in row %}<td>{{ text }}</td>{% endfor %}</tr>
+<tr>{% for text in row %}<td{{ marks[loop.index0] }}>{{ text }}</td>{% endfor %}</tr>
 {% endfor %}
 </tbody></table></div>
+{% elif item is paragraph %}
+<p>{{ item }}</p>
 {% else %}
 <figure><img alt="{{ item.caption }}" src="{{ item.source }}"><figcaption>{{ item.caption }}</figcaption></figure>
 {% endif %}
@@ -140,7 +164,7 @@ pre { background: #f7f7f7; padding: .8rem; overflow-x: auto; font-size: .8rem; }
 <h2>This run</h2>
 <div class="scroll"><table>
 {% for name, value in facts.items() %}
-<tr><td>{{ name }}</td><td style="text-align: left">{{ value }}</td></tr>
+<tr><td>{{ name }}</td><td class="words fact">{{ value }}</td></tr>
 {% endfor %}
 </table></div>
 <details><summary>Configuration</summary><pre>{{ config }}</pre></details>

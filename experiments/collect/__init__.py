@@ -1,0 +1,1 @@
+"""What sweeps amount to: one table, one report, the best values."""

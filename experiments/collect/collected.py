@@ -1,0 +1,62 @@
+"""What there is of one experiment: its sweeps, jobs, axes and scores."""
+
+from collections.abc import Sequence
+
+from experiments.collect.axes import SweepAxis
+from experiments.collect.scores import Evidence, SweepScore, chosen, ranked
+from experiments.collect.study import CollectStudy
+from experiments.collect.sweeps import COMPLETE, SweepJob, SweepPlan
+from urbanjax.types import host_record
+
+
+@host_record
+class Collected:
+    """The sweeps of one experiment, read."""
+
+    experiment: str
+    prefix: str  # of its files, where there are several experiments
+    plans: Sequence[SweepPlan]
+    jobs: Sequence[SweepJob]  # each once
+    axes: Sequence[SweepAxis]
+    scores: Sequence[SweepScore]  # what is best, and what it is weighed against
+    evidence: Evidence
+    ranking: Sequence[SweepJob]  # those that have the first score, from best to worst
+
+    @property
+    def complete(self) -> list[SweepJob]:
+        """The jobs that are complete."""
+        return [job for job in self.jobs if job.status == COMPLETE]
+
+    @property
+    def varied(self) -> list[SweepAxis]:
+        """The axes with more than one value."""
+        return [axis for axis in self.axes if axis.varies]
+
+    @property
+    def known(self) -> list[SweepScore]:
+        """The scores that some job has."""
+        return [score for score in self.scores if ranked(self.complete, self.evidence, score)]
+
+
+def collected(
+    params: CollectStudy,
+    plans: Sequence[SweepPlan],
+    jobs: Sequence[SweepJob],
+    axes: Sequence[SweepAxis],
+    *,
+    alone: bool,
+) -> Collected:
+    """Read what the jobs of one experiment found. Args: plans; jobs, each once; axes; alone, whether it is the only one."""
+    scores = chosen(params, jobs)
+    evidence = Evidence(jobs, [score.name for score in scores])
+    experiment = plans[0].experiment
+    return Collected(
+        experiment=experiment,
+        prefix="" if alone else f"{experiment}_",
+        plans=plans,
+        jobs=jobs,
+        axes=axes,
+        scores=scores,
+        evidence=evidence,
+        ranking=ranked(jobs, evidence, scores[0]) if scores else [],
+    )

@@ -1,0 +1,261 @@
+"""The sections of the report: what was asked, what came out, and every figure with what it shows."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.collect import figures, figures_of_many, responses, sensitivity, tables
+from experiments.collect.axes import SweepAxis, setting
+from experiments.collect.collected import Collected
+from experiments.collect.sweeps import SweepCoverage, SweepJob, at
+from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.report import Picture, Section, Table
+
+ROWS = 200  # of the table of jobs in the page
+MOST_PAIRS = 6  # heat maps
+MOST_NAMES = 40  # bars of one figure
+Items = list[Table | Picture | str]
+
+BRACKETS = "Brackets and whiskers are 95 % intervals: "
+OF_DRIVES = "of shares Wilson's, of means and paired differences from drawing whole roads or recordings of the drives."
+OF_SUMMARIES = "those of the jobs' own summaries; a mean over jobs has the mean of theirs, as if all erred alike."
+NO_ROWS = "The jobs hold no drives, so nothing can be compared drive by drive: differences are left out."
+
+
+def of_part(part: Collected, run: Run) -> list[Section]:
+    """All that is said of one experiment. Args: part; run that the figures are written into."""
+    suffix = f" ({part.experiment})" if part.prefix else ""
+    found = {"What was asked": asked(part), "What came out": headline(part)}
+    if part.known:
+        found["Response to each axis"] = numbers(part, run)
+        found["By name"] = names(part, run)
+        found["Two axes at once"] = pairs(part, run)
+        found["All axes at once"] = parallel(part, run)
+        found["Two scores against each other"] = front(part, run)
+        found["Which axis decides"] = deciding(part, run)
+    return [Section(f"{title}{suffix}", [], items) for title, items in found.items() if items]
+
+
+def asked(part: Collected) -> Items:
+    """Sweeps and axes."""
+    sweeps, axes = tables.asked(part.plans, part.axes)
+    codes = {plan.code for plan in part.plans}
+    items: Items = []
+    if len(codes) > 1:
+        items.append(f"The sweeps ran {len(codes)} states of the code: their jobs may differ for this reason too.")
+    between = [axis.label for axis in part.axes if axis.kind == "between sweeps"]
+    if between:
+        items.append(f"The sweeps themselves differ in {', '.join(between)}, which count as axes here.")
+    single = [f"{axis.label} ({axis.key})" for axis in part.axes if not axis.varies]
+    if single:
+        items.append(f"One value alone, so no figures: {', '.join(single)}.")
+    return [*items, Table("Sweeps", sweeps), *([Table("Axes", axes)] if part.axes else [])]
+
+
+def headline(part: Collected) -> Items:
+    """The best job, how sure that is, and what it is better than."""
+    if not part.ranking:
+        why = (
+            f"none of the {len(part.complete)} complete jobs has one that is finite"
+            if part.complete
+            else "no job is complete"
+        )
+        asked_for = part.scores[0].name if part.scores else "a score"
+        return [f"There is no best job: {asked_for} is not known, since {why}.", *_unreadable(part)]
+    best, score = part.ranking[0], part.scores[0]
+    value = tables.text(part.evidence.of(best, score.name))
+    items: Items = [
+        f"Best of {len(part.ranking)} jobs by {score.told} is {best.title} with {value}: {setting(best, part.axes)}. "
+        f"{part.prefix}best.yaml holds its values. A best of many is in part luck: "
+        "the interval is that of this job alone.",
+        BRACKETS + (OF_DRIVES if part.evidence.drives else OF_SUMMARIES),
+    ]
+    unknown = len(part.complete) - len(part.ranking)
+    if unknown:
+        items.append(f"{unknown} complete jobs have no finite {score.name}: they stand in no figure.")
+    items += _unreadable(part)
+    rest = _compared(part)
+    if rest and part.evidence.drives:
+        caption = "Paired differences over the same drives (driver, traffic, mission and seed)"
+        items.append(
+            Table(caption, tables.differences(best, rest, axes=part.axes, evidence=part.evidence, scores=part.known))
+        )
+    elif rest:
+        items.append(NO_ROWS)
+    order = part.ranking[:10]
+    return [*items, Table("The best jobs", tables.best_jobs(order, part.axes, part.evidence, part.known))]
+
+
+def _unreadable(part: Collected) -> Items:
+    return [f"{title}: {why}; its summary is used instead." for title, why in part.evidence.unreadable.items()]
+
+
+def _compared(part: Collected) -> dict[str, SweepJob]:
+    """What the best job is compared with, by who it is."""
+    rest = dict(zip(["second best"], part.ranking[1:], strict=False))
+    defaults = {axis.key: at(part.plans[0].config, axis.key) for axis in part.axes}
+    nearest = responses.nearest_defaults(part.ranking, part.axes, defaults=defaults)
+    if nearest is not None and nearest is not part.ranking[0]:
+        rest["nearest to the values without overrides"] = nearest
+    return rest
+
+
+def numbers(part: Collected, run: Run) -> Items:
+    """A figure, and for set values a table, of each numeric axis."""
+    items: Items = []
+    for number, axis in enumerate(part.varied):
+        if axis.numeric:
+            path = run.path(f"{part.prefix}response_{number}.png")
+            items += _sample(part, axis, path) if axis.sampled else _response(part, axis, path)
+    return items
+
+
+def _along(part: Collected, axis: SweepAxis) -> dict[str, list[responses.ResponsePoint]]:
+    return {
+        score.name: responses.along(axis, part.axes, jobs=part.complete, evidence=part.evidence, name=score.name)
+        for score in part.known
+    }
+
+
+def _response(part: Collected, axis: SweepAxis, path: Any) -> Items:
+    found = _along(part, axis)
+    figures.draw_response(axis, found, path)
+    counts = {point.jobs for points in found.values() for point in points}
+    uneven = (
+        " The numbers of jobs differ, so means are of other settings too; differences are not."
+        if len(counts) > 1
+        else ""
+    )
+    words = (
+        f"{axis.label} ({axis.key}): mean of each score over all jobs with that value, whatever else was varied, and "
+        f"the difference to {axis.label} = {tables.shown(axis.values[0])} over the same drives with the same values "
+        f"elsewhere.{uneven}"
+    )
+    shown = [Table(f"{name} by {axis.label}", tables.response(points, axis, name)) for name, points in found.items()]
+    return [words, Picture(f"Scores by {axis.label}", path), *shown]
+
+
+def _sample(part: Collected, axis: SweepAxis, path: Any) -> Items:
+    jobs = {}
+    for score in part.known:
+        jobs[score.name] = axis.positions(part.complete), [part.evidence.of(job, score.name) for job in part.complete]
+    means = {s.name: responses.binned(axis, part.complete, evidence=part.evidence, name=s.name) for s in part.known}
+    figures.draw_sample(axis, jobs, means, path)
+    words = (
+        f"{axis.label} ({axis.key}): every job of the sample, all other axes varied too, with its interval. "
+        "Means of bins with as many jobs each; their intervals are from drawing jobs."
+    )
+    return [words, Picture(f"Jobs of the sample by {axis.label}", path)]
+
+
+def names(part: Collected, run: Run) -> Items:
+    """A figure and a table of each axis of names."""
+    items: Items = []
+    for number, axis in enumerate(part.varied):
+        if axis.numeric:
+            continue
+        found = _along(part, axis)
+        words = (
+            f"{axis.label} ({axis.key}): mean of each score over all jobs with that value, whatever else was varied."
+        )
+        path = run.path(f"{part.prefix}names_{number}.png")
+        items.append(words)
+        if len(axis.values) <= MOST_NAMES:
+            figures.draw_names(axis, found, path)
+            items.append(Picture(f"Scores by {axis.label}", path))
+        items += [Table(f"{name} by {axis.label}", tables.response(p, axis, name)) for name, p in found.items()]
+    return items
+
+
+def pairs(part: Collected, run: Run) -> Items:
+    """Heat maps of the pairs of numeric axes whose values were set."""
+    gridded = [axis for axis in part.varied if axis.numeric and not axis.sampled]
+    chosen = list(itertools.combinations(gridded, 2))[:MOST_PAIRS]
+    if not chosen:
+        return []
+    items: Items = []
+    for score in part.known:
+        means = {pair: responses.grid(pair, part.complete, evidence=part.evidence, name=score.name) for pair in chosen}
+        grids = [(pair, found) for pair, found in means.items() if np.isfinite(found).any()]
+        path = run.path(f"{part.prefix}grid_{score.name}.png")
+        figures_of_many.draw_grids(grids, score.name, path)
+        over = " over all else that was varied" if len(part.varied) > 2 else ""
+        items.append(f"Mean {score.told} for every two values{over}; white where no job is complete.")
+        items.append(Picture(f"{score.name} over two axes", path))
+    return items
+
+
+def parallel(part: Collected, run: Run) -> Items:
+    """Every job across all axes."""
+    if len(part.varied) < 3 or len(part.ranking) < 2:
+        return []
+    score = part.scores[0]
+    values = np.array([part.evidence.of(job, score.name).value for job in part.ranking])
+    path = run.path(f"{part.prefix}parallel.png")
+    figures_of_many.draw_parallel(part.varied, part.ranking, values, best=0, name=score.name, path=path)
+    words = (
+        f"Each line is a job: where it crosses an axis is its value there, its colour is {score.told}, and the red one "
+        "is the best. Where lines of good jobs come together, the value matters."
+    )
+    return [words, Picture("All jobs across all axes", path)]
+
+
+def front(part: Collected, run: Run) -> Items:
+    """The jobs that no other beats in both scores."""
+    if len(part.known) < 2:
+        return []
+    kept = responses.front(part.complete, part.evidence, scores=part.known)
+    if not kept:
+        return []
+    path = run.path(f"{part.prefix}front.png")
+    figures_of_many.draw_front(part.complete, kept, part.evidence, scores=part.known, path=path)
+    words = (
+        f"{part.known[0].told} against {part.known[1].told}: of the jobs on the front none is beaten in one score by a "
+        "job that is as good in the other. Where whiskers overlap, their order may be luck."
+    )
+    columns = tables.best_jobs(kept, part.axes, part.evidence, part.known)
+    return [words, Picture("Jobs by two scores", path), Table(f"The {len(kept)} jobs on the front", columns)]
+
+
+def deciding(part: Collected, run: Run) -> Items:
+    """Indices of sensitivity, where the sample allows them."""
+    found = {
+        score.name: sensitivity.indices(part.axes, part.complete, evidence=part.evidence, name=score.name)
+        for score in part.known
+    }
+    found = {name: indices for name, indices in found.items() if indices}
+    if not found:
+        return []
+    path = run.path(f"{part.prefix}sensitivity.png")
+    figures.draw_sensitivity(found, path)
+    words = (
+        "S1 is the share of the score's variance over jobs that goes with an axis alone; delta (Borgonovo) is how far "
+        "knowing its value moves the score's distribution, from 0 to 1, together with other axes too. Both are "
+        "estimated from these jobs; intervals are from drawing jobs, and do not hold what drives leave unsure."
+    )
+    shown = [Table(f"Indices of {name}", tables.sensitivity(indices)) for name, indices in found.items()]
+    return [words, Picture("Sensitivity of the scores", path), *shown]
+
+
+def of_all(
+    jobs: Sequence[SweepJob],
+    duplicates: Mapping[str, str],
+    counted: SweepCoverage,
+    table: Mapping[str, Sequence[Any]],
+    parts: Sequence[Collected],
+) -> list[Section]:
+    """What is said of all experiments together: what is missing, and every job."""
+    items: Items = [f"{counted.text}."]
+    if not counted.whole:
+        left = tables.unfinished(jobs)
+        items.append(Table("Jobs that failed or are missing; they stand in no figure and no mean", left))
+    if duplicates:
+        same = {"job": list(duplicates), "is the same as": list(duplicates.values())}
+        items.append(Table("Counted once: same values, same config, same code", same))
+    labels = {axis.key: axis.label for part in parts for axis in part.axes}
+    shown = {labels.get(name, name): column[:ROWS] for name, column in table.items()}
+    rest = f"; {len(jobs) - ROWS} more rows are in table.csv" if len(jobs) > ROWS else ""
+    every = Table(f"From the manifests, also in table.csv and table.parquet{rest}", shown)
+    return [Section("Coverage", [], items), Section("All jobs", [], [every])]
