@@ -1,126 +1,139 @@
 """One run of several processes, of one machine or of several that share a disk: the first one writes what they find."""
 
 import contextlib
-import hashlib
-import json
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from urbanjax.io.runs import directory
-from urbanjax.io.runs.directory import Run, write_atomically
-from urbanjax.types import ConfigError, UrbanJaxError
+from urbanjax.io.runs import directory, meeting
+from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.line import LIMIT, Line
+from urbanjax.types import ConfigError
 
 KEYS = ("coordinator", "process", "processes")  # of the config of an experiment that can be shared
 OWN = (*KEYS, "resume")  # what may differ between processes
-LONGEST = 4096  # bytes of a message
+PATIENCE = 300.0  # s in which all processes come
 PAUSE = 0.2  # s between two looks at the disk
 
 
 def shared(config: Mapping[str, Any]) -> bool:
-    """Whether several processes share a run. Args: config, of it."""
-    return config.get("processes", 1) > 1
+    """Whether several processes share a run.
 
-
-def follows(config: Mapping[str, Any]) -> bool:
-    """Whether this is not the first process, which writes what all have found. Args: config, of the run."""
-    return config.get("process", 0) > 0
+    Args: config, of it. Raises ConfigError for keys that do not belong together.
+    """
+    coordinator, process, processes = _keys(config)
+    if not coordinator and (process or processes > 1):
+        raise ConfigError("'process' and 'processes' need 'coordinator', the HOST:PORT of process 0 for all of them")
+    if not coordinator:
+        return False
+    meeting.address(coordinator)
+    if process >= processes:
+        raise ConfigError(f"process={process}: they are numbered from 0 to processes - 1, which is {processes - 1}")
+    return processes > 1
 
 
 def recorder(values: Mapping[str, Any]) -> Callable:
     """What makes the `Run` of a config: `directory.record`, or the same with the directory of process 0.
 
-    Where there are several processes JAX is told so, before it touches a device. Args: values, of the config. Raises
-    ConfigError for keys that do not belong together.
+    Args: values, of the config. Raises ConfigError for keys that do not belong together.
     """
-    coordinator, process, processes = (
-        values.get("coordinator", ""),
-        values.get("process", 0),
-        values.get("processes", 1),
-    )
-    if not coordinator and (process or processes > 1):
-        raise ConfigError("'process' and 'processes' need 'coordinator', the HOST:PORT of process 0 for all of them")
-    if not coordinator:
+    if not shared(values):
         return directory.record
-    host, _, port = coordinator.rpartition(":")
-    if not host or not port.isdigit():
-        raise ConfigError(f"coordinator={coordinator}: give HOST:PORT of process 0, such as 127.0.0.1:12345")
-    if process >= processes:
-        raise ConfigError(f"process={process}: they are numbered from 0 to processes - 1, which is {processes - 1}")
-    import jax
+    return _other if values["process"] else _first
 
-    try:
-        jax.distributed.initialize(coordinator, processes, process)
-    except RuntimeError as error:
-        raise ConfigError(f"coordinator={coordinator}: no connection ({str(error).splitlines()[0]})") from error
-    return _other if process else _first
+
+@contextlib.contextmanager
+def together(config: Mapping[str, Any]) -> Iterator[Line]:
+    """The line to all other processes of a config, and JAX told of all their devices; ends when all of them are done.
+
+    No process begins before all have come. Where one of them ends early, the block raises UrbanJaxError within the
+    second; where it computes what cannot be interrupted, the process ends with the same line `LIMIT` seconds later. To
+    be entered by the main thread, before JAX touches a device.
+
+    Args: config, of a `shared` run. Raises ConfigError where they do not meet.
+    """
+    coordinator, process, processes = _keys(config)
+    about = {"processes": processes, "config": {k: v for k, v in config.items() if k not in OWN}}
+    about["code"] = directory.git_state()
+    line = Line(process)
+    with line.signals():
+        print(f"process {process} of {processes} meets the others at {coordinator}", flush=True)
+        if process:
+            wires = meeting.join(coordinator, process, about=about, patience=PATIENCE)
+        else:
+            wires = meeting.host(coordinator, processes, about=about, patience=PATIENCE)
+        with line.watched(wires):
+            _know_all_devices(coordinator, process, processes)
+            line.limit = LIMIT
+            yield line
+
+
+def wait_for(files: Sequence[Path], run: Run, *, tick: Callable[[int], None] = lambda count: None) -> None:
+    """Wait until all files of a run are there; it is `together` that raises where nobody is left to write them.
+
+    Args: files, that other processes write; run, to which they belong; tick, told how many are missing.
+    """
+    missing = list(files)
+    while missing := [path for path in missing if not path.exists()]:
+        tick(len(missing))
+        time.sleep(PAUSE)
 
 
 @contextlib.contextmanager
 def _first(folder: Path, values: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
-    with directory.record(folder, values, seed=seed) as run:
-        _tell(f"{_digest(values)} {run.directory.resolve()}")
+    with together(values) as line, directory.record(folder, values, seed=seed) as run:
+        _keep(line, run)
+        line.tell(str(run.directory.resolve()))
+        for _ in range(1, values["processes"]):
+            line.hear()  # all know it: from here on a manifest may be there
         yield run
 
 
 @contextlib.contextmanager
 def _other(folder: Path, values: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
-    """The run of process 0, until that has ended it: a process that leaves early is taken for a failed one."""
-    digest, _, told = _tell("").partition(" ")
-    theirs, process = Path(told), values["process"]
-    if folder.resolve() != theirs:
-        with contextlib.suppress(OSError):
-            folder.rmdir()  # nothing is written there
-    run = Run(theirs, values, seed)
-    if run.directory != theirs:
-        raise UrbanJaxError(f"process 0 has ended its run before process {process} began: see {theirs}")
-    try:
-        if digest != _digest(values):
-            raise ConfigError(f"process={process}: its config or its code is not that of process 0")
+    """The run of process 0, until that has ended it."""
+    with together(values) as line:
+        theirs = Path(line.hear())
+        if folder.resolve() != theirs:
+            with contextlib.suppress(OSError):
+                folder.rmdir()  # nothing is written there
+        run = Run(theirs, values, seed)
+        _keep(line, run)
+        line.tell("begun")
         yield run
-    except BaseException as error:
-        write_atomically(_failure(run, process), f"{type(error).__name__}: {error}")
-        raise
-    print(f"process {process} is done; run directory: {theirs}", flush=True)
-    while not run.path("manifest.json").exists():
-        time.sleep(PAUSE)
+        print(f"process {values['process']} is done; run directory: {theirs}", flush=True)
 
 
-def wait_for(files: Sequence[Path], run: Run, *, tick: Callable[[int], None] = lambda count: None) -> None:
-    """Wait until all files of a run are there.
+def _keep(line: Line, run: Run) -> None:
+    kept = os.path.relpath(run.directory)
+    line.remedy = f"what has been computed is kept in {kept}; start all processes again with resume={kept}"
 
-    Args: files, that other processes write; run, to which they belong; tick, told how many are missing. Raises
-    UrbanJaxError where one of the processes has failed.
+
+def _keys(config: Mapping[str, Any]) -> tuple[str, int, int]:
+    return config.get("coordinator", ""), config.get("process", 0), config.get("processes", 1)
+
+
+def _know_all_devices(coordinator: str, process: int, processes: int) -> None:
+    """Have JAX know the devices of all processes, and hang up.
+
+    They drive on devices of their own and share a disk, so nothing is left to say through JAX, whose coordination
+    ends a process with an abort of its own as soon as another one is gone.
     """
-    missing = list(files)
-    while missing := [path for path in missing if not path.exists()]:
-        for process in range(1, run.config["processes"]):
-            if _failure(run, process).exists():
-                raise UrbanJaxError(f"process {process} has failed: {_failure(run, process).read_text('utf-8')}")
-        tick(len(missing))
-        time.sleep(PAUSE)
+    import jax
 
-
-def _failure(run: Run, process: int) -> Path:
-    return run.path(f"process_{process}_failed.txt")
-
-
-def _digest(values: Mapping[str, Any]) -> str:
-    """Of what must be the same in all processes."""
-    same = {name: value for name, value in values.items() if name not in OWN}
-    return hashlib.sha256(json.dumps([same, directory.git_state()], sort_keys=True).encode()).hexdigest()
-
-
-def _tell(text: str) -> str:
-    """What process 0 says, in all processes; all call it at the same time."""
-    from jax.experimental import multihost_utils
-
-    said = text.encode()
-    if len(said) > LONGEST:
-        raise ConfigError(f"the path of the run directory is longer than {LONGEST} bytes: give a shorter hydra.run.dir")
-    sent = np.zeros(LONGEST, np.uint8)
-    sent[: len(said)] = np.frombuffer(said, np.uint8)
-    return bytes(np.asarray(multihost_utils.broadcast_one_to_all(sent))).rstrip(b"\0").decode()
+    jax.config.update("jax_enable_preemption_service", False)  # it would swallow SIGTERM
+    host, port = meeting.address(coordinator)
+    bind = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    try:
+        jax.distributed.initialize(
+            coordinator,
+            processes,
+            process,
+            coordinator_bind_address=bind if meeting.is_local(host) else None,
+        )
+    except RuntimeError as error:
+        raise ConfigError(f"coordinator={coordinator}: no connection ({str(error).splitlines()[0]})") from error
+    jax.devices()
+    jax.distributed.shutdown()
