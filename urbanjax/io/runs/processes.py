@@ -34,6 +34,11 @@ def shared(config: Mapping[str, Any]) -> bool:
     return processes > 1
 
 
+def follows(config: Mapping[str, Any]) -> bool:
+    """Whether this is not the first process, which writes what all have found. Args: config, of the run."""
+    return _keys(config)[1] > 0
+
+
 def recorder(values: Mapping[str, Any]) -> Callable:
     """What makes the `Run` of a config: `directory.record`, or the same with the directory of process 0.
 

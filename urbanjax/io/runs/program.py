@@ -68,6 +68,8 @@ class Program(Generic[T]):
                 run = job_run(folder, plain(config))
                 with ends_in_manifest(run):
                     run.config, params = self.read(config, keys)
+                    if processes.shared(run.config):
+                        raise ConfigError("several processes share the jobs of hydra/launcher=vmap, of no other one")
                     self.body(params, run)
         except OSError as error:
             print(f"job {folder.name}: {of_disk(error, folder)}", file=sys.stderr, flush=True)

@@ -49,8 +49,20 @@ def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
             f"'{program.name}' evaluates no drives, which is what hydra/launcher=vmap batches: ask for "
             "hydra/launcher=basic or hydra/launcher=joblib"
         )
+    config = plain(jobs[0].config)
+    if not processes.shared(config):
+        _do(program, jobs)
+        return
+    with processes.together(config) as line:
+        line.remedy = "what has been computed is kept; start all processes again with the same command"
+        _do(program, jobs)
+
+
+def _do(program: Program, jobs: Sequence[BatchedJob]) -> None:
+    assert program.evaluation is not None
     runs: dict[str, Run] = {}
     begun: dict[str, Evaluation] = {}
+    waiting: list[str] = []
     for job in jobs:
         runs[job.folder.name] = run = job_run(job.folder, plain(job.config))
         try:
@@ -58,7 +70,6 @@ def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
             begun[job.folder.name] = program.evaluation(params, run)
         except Exception as error:
             _fail(run, error)
-    waiting: list[str] = []
 
     def ended(name: str, error: Exception | None) -> None:
         if error is not None:
