@@ -4,7 +4,7 @@ from experiments.candidates.report import write
 from experiments.candidates.study import CandidateStudy
 from urbanjax.io.runs import cli
 
-main = cli.experiment("candidates", CandidateStudy)(write)
+main = cli.experiment("candidates", CandidateStudy, anew=True)(write)
 
 if __name__ == "__main__":
     main()

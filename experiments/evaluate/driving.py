@@ -13,7 +13,7 @@ from urbanjax.evaluation.batch import Outcome
 from urbanjax.evaluation.together import Batch
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.runs import drive_logs, evaluations, processes
-from urbanjax.io.runs.directory import Run, git_state, write_atomically
+from urbanjax.io.runs.directory import Run, digest, git_state, write_atomically
 from urbanjax.types import ConfigError
 
 APART = ("resume", *processes.KEYS)  # keys that change nothing in the rows
@@ -30,7 +30,11 @@ class MissionDrives:
         self.asked = study.missions_of(params)
         self.batches = study.batches(params, self.asked)
         self._parts = {part: batch for batch in self.batches for part in batch.parts}
-        stamp = {"config": {name: value for name, value in run.config.items() if name not in APART}}
+        config, resolved = (
+            {name: value for name, value in values.items() if name not in APART}
+            for values in (run.config, run.resolved)
+        )
+        stamp = {"config": config, "config_sha256": digest(resolved)}
         stamp = stamp if run.swept else stamp | {"code": git_state()}  # a sweep's directory is named by its sources
         self._source = str(run.directory) if run.swept and (run.path("rows") / study.STAMP).exists() else params.resume
         self._rows = self._with_logs(study.known(self._source, stamp))

@@ -4,7 +4,7 @@ from experiments.racetrack.report import write
 from experiments.racetrack.study import RacetrackStudy
 from urbanjax.io.runs import cli
 
-main = cli.experiment("racetrack", RacetrackStudy)(write)
+main = cli.experiment("racetrack", RacetrackStudy, anew=True)(write)
 
 if __name__ == "__main__":
     main()

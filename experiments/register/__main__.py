@@ -4,7 +4,7 @@ from experiments.register.report import write
 from experiments.register.study import RegisterStudy
 from urbanjax.io.runs import cli
 
-main = cli.experiment("register", RegisterStudy)(write)
+main = cli.experiment("register", RegisterStudy, anew=True)(write)
 
 if __name__ == "__main__":
     main()

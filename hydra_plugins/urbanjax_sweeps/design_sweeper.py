@@ -64,18 +64,17 @@ class DesignSweeper(Sweeper):
             launcher.launch([overrides(job) for job in left], initial_job_idx=0)
 
         self._check([overrides(job) for job in planned.jobs[:TRIED]])
-        running.run(planned, folder, launch=launch, report=write_sweep, process=int(resolved.get("process", 0)))
+        running.run(planned, folder, launch=launch, report=write_sweep, process=int(self.config.get("process", 0)))
 
     def _check(self, jobs: Sequence[Sequence[str]]) -> None:
         """Raise what is wrong with the first job, where it is wrong with others too: the sweep is a mistake."""
-        from urbanjax.io.runs.program import typed
         from urbanjax.types import ConfigError
 
         wrong: list[ConfigError] = []
         for texts in jobs:
             config = self.context.config_loader.load_sweep_config(self.config, list(texts))
             try:
-                self.program.read(config, typed(config.hydra.overrides.task))
+                self.program.read(config, config.hydra)
                 return
             except ConfigError as error:
                 wrong.append(error)
@@ -100,10 +99,11 @@ class DesignSweeper(Sweeper):
 
     def _composed(self, fixed: Sequence[str], key: str, values: Sequence[tuple[Any, str]]) -> dict[str, Any]:
         """What every choice of a config group comes to, by its name."""
-        from urbanjax.io.runs.program import plain
+        from urbanjax.io.runs import interpolation, program
 
-        loader = self.context.config_loader
-        return {text: plain(loader.load_sweep_config(self.config, [*fixed, f"{key}={text}"])) for _, text in values}
+        load = self.context.config_loader.load_sweep_config
+        composed = {text: load(self.config, [*fixed, f"{key}={text}"]) for _, text in values}
+        return {text: interpolation.plain(program.own(one), resolve=True) for text, one in composed.items()}
 
 
 def _texts(override: Override) -> Iterator[str]:

@@ -11,10 +11,12 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from urbanjax.io.runs import interpolation
 
 HIDDEN = ("manifest.json", ".lock")
 PACKAGES = ("urbanjax", "jax", "jaxlib", "numpy", "flax", "highway-env")
@@ -27,19 +29,24 @@ class Run:
         self,
         directory: Path,
         config: Mapping[str, Any],
-        seed: int | None = None,
+        seed: int | str | None = None,
         *,
+        resolved: Mapping[str, Any] | None = None,
         job: Mapping[str, Any] | None = None,
         again: bool = False,
     ):
         """Make the directory (a fresh one beside it when a run is there already, unless it is written `again`).
 
-        Of a job of a sweep, which is told in `job`, it is the one that the sweep has for it.
+        Of a job of a sweep, which is told in `job`, it is the one that the sweep has for it. Args: config as it is
+        written down; seed, likewise; resolved, the same with what its interpolations stand for, of which nothing but a
+        hash is written; job, what the sweep says of it; again, see above.
         """
         self.directory = Path(directory) if again or job is not None else _fresh(directory)
         self.directory.mkdir(parents=True, exist_ok=True)
         self.job = dict(job or {})
         self.config = dict(config)
+        self.resolved = self.config if resolved is None else dict(resolved)
+        self.facts: dict[str, Callable[[], Any]] = {}  # of the manifest, asked when it is written
         self.seed = seed
         self.started = time.time()
         self._clock = time.perf_counter()
@@ -82,31 +89,38 @@ class Run:
 
     def manifest(self, status: str = "running", error: str | None = None) -> dict[str, Any]:
         """What is known of this run, as plain values."""
-        resolved = json.dumps(self.config, sort_keys=True)
         return {
             "status": status,
-            "error": error,
+            "error": error and interpolation.hidden(error, self.config, resolved=self.resolved),
             "command": shlex.join(sys.orig_argv),
             "started": time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(self.started)),
             "wall_time_s": round(time.perf_counter() - self._clock, 3),
             "seed": self.seed,
             "config": self.config,
-            "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+            "config_sha256": digest(self.resolved),
             "git": git_state(),
             "versions": versions(),
             "device": device(),
+            **{name: ask() for name, ask in self.facts.items()},
             "files": sorted(file.name for file in self.directory.iterdir() if file.name not in HIDDEN),
             **({**self.job, "summary": self._summary} if self.swept else {}),
         }
 
 
 @contextlib.contextmanager
-def record(directory: Path, config: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
+def record(
+    directory: Path,
+    config: Mapping[str, Any],
+    *,
+    seed: int | str | None = None,
+    resolved: Mapping[str, Any] | None = None,
+) -> Iterator[Run]:
     """A `Run` whose manifest is written at the end, also of a failed run, and whose directory is printed last.
 
-    Args: directory of the run; config, its parameters as plain values; seed of its random numbers, if it has one.
+    Args: directory of the run; config, its parameters as plain values; seed of its random numbers, if it has one;
+    resolved, the config with what its interpolations stand for.
     """
-    run = Run(directory, config, seed)
+    run = Run(directory, config, seed, resolved=resolved)
     try:
         yield run
     except BaseException as error:
@@ -132,6 +146,11 @@ def write_atomically(path: Path, text: str) -> None:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def digest(values: Mapping[str, Any]) -> str:
+    """The SHA-256 of plain values, whatever the order of their keys. Args: values, nested."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def versions() -> dict[str, str | None]:

@@ -87,28 +87,28 @@ def wait_for(files: Sequence[Path], run: Run, *, tick: Callable[[int], None] = l
 
 
 @contextlib.contextmanager
-def _first(folder: Path, values: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
-    with together(values) as line, directory.record(folder, values, seed=seed) as run:
+def _first(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolved: Mapping[str, Any]) -> Iterator[Run]:
+    with together(resolved) as line, directory.record(folder, config, seed=seed, resolved=resolved) as run:
         _keep(line, run)
         line.tell(str(run.directory.resolve()))
-        for _ in range(1, values["processes"]):
+        for _ in range(1, resolved["processes"]):
             line.hear()  # all know it: from here on a manifest may be there
         yield run
 
 
 @contextlib.contextmanager
-def _other(folder: Path, values: Mapping[str, Any], *, seed: int | None = None) -> Iterator[Run]:
+def _other(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolved: Mapping[str, Any]) -> Iterator[Run]:
     """The run of process 0, until that has ended it."""
-    with together(values) as line:
+    with together(resolved) as line:
         theirs = Path(line.hear())
         if folder.resolve() != theirs:
             with contextlib.suppress(OSError):
                 folder.rmdir()  # nothing is written there
-        run = Run(theirs, values, seed)
+        run = Run(theirs, config, seed, resolved=resolved)
         _keep(line, run)
         line.tell("begun")
         yield run
-        print(f"process {values['process']} is done; run directory: {theirs}", flush=True)
+        print(f"process {resolved['process']} is done; run directory: {theirs}", flush=True)
 
 
 def _keep(line: Line, run: Run) -> None:

@@ -3,13 +3,14 @@
 import contextlib
 import errno
 import os
+import re
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeGuard, TypeVar
+from typing import Any, Generic, NamedTuple, TypeGuard, TypeVar
 
-from urbanjax.io.runs import parameter_file, processes
+from urbanjax.io.runs import compile_cache, interpolation, parameter_file, presets, processes
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
@@ -22,14 +23,32 @@ CONFIG_EXIT = 2
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
+class Asked(NamedTuple):
+    """What a config asks, with the values of its parameter file."""
+
+    written: dict[str, Any]  # with interpolations, as it is written down
+    resolved: dict[str, Any]  # with what they stand for
+    params: Any
+
+
 class Program(Generic[T]):
     """What a command line runs; other processes know it by its parts."""
 
     def __init__(
-        self, name: str, params_class: type[T], body: Body, evaluation: Callable[[T, Run], Evaluation] | None = None
+        self,
+        name: str,
+        params_class: type[T],
+        body: Body,
+        *,
+        evaluation: Callable[[T, Run], Evaluation] | None = None,
+        anew: bool = False,
     ) -> None:
-        """A program of a name; `evaluation` is what its body drives, where it does, for many jobs at once."""
+        """A program of a name; `evaluation` is what its body drives, where it does, for many jobs at once.
+
+        With `anew` it compiles everything itself.
+        """
         self.name, self.params_class, self.body, self.evaluation = name, params_class, body, evaluation
+        self.anew = anew
 
     def __call__(self, config: Any) -> None:
         """The run, or the job of a sweep, that Hydra asks for. Args: config, composed."""
@@ -37,76 +56,93 @@ class Program(Generic[T]):
         from hydra.types import RunMode
 
         hydra = HydraConfig.get()
-        folder, keys = Path(hydra.runtime.output_dir), typed(hydra.overrides.task)
+        folder = Path(hydra.runtime.output_dir)
         if hydra.mode == RunMode.MULTIRUN:
-            self._job(folder, config, keys)
+            self._job(folder, config, hydra)
         else:
-            self._single(folder, config, keys)
+            self._single(folder, config, hydra)
 
-    def read(self, config: Any, keys: Sequence[str], *, source: str = "") -> tuple[dict[str, Any], T]:
-        """The values of a config, with those of its parameter file, and the params that they make.
+    def read(self, config: Any, hydra: Any, *, keys: Sequence[str] = ()) -> Asked:
+        """What a config asks.
 
-        A file may hold values that nothing reads here. Args: config, composed; keys, typed on the command line; source,
-        a file that may be wrong. Raises ConfigError.
+        What is typed stands above a parameter file, what a preset says below it; a file may hold values that nothing
+        reads here. Args: config, composed; hydra, the part of it that is Hydra's own; keys, typed besides those that it
+        says. Raises ConfigError.
         """
+        arguments = [str(text) for text in hydra.overrides.task]
+        folders = [Path(source.path) for source in hydra.runtime.config_sources if source.schema == "file"]
+        files = [*presets.named(arguments, folders)][::-1]  # the last one has the last word
+        typed_keys = [*typed(arguments), *keys]
         schema = configs.schema(self.params_class)
-        values = plain(config)
-        file = values.pop(parameter_file.KEY, "")
-        chosen = [*keys, *unread.changed(values, schema)]
-        values = parameter_file.applied(values, file, keys=keys, valid=schema)
-        params = configs.to_params(self.params_class, values, source=source)
-        unread.check_read(params, [key for key in chosen if key != parameter_file.KEY])
-        return values, params
+        written, resolved = (interpolation.plain(own(config), resolve=resolve) for resolve in (False, True))
+        file = str(resolved.pop(parameter_file.KEY, ""))
+        written.pop(parameter_file.KEY, None)
+        chosen = [*typed_keys, *unread.changed(resolved, schema)]
+        written, resolved = (
+            parameter_file.applied(values, file, keys=typed_keys, valid=schema) for values in (written, resolved)
+        )
+        try:
+            params = configs.to_params(self.params_class, resolved, source=self._source(resolved, files))
+            unread.check_read(params, [key for key in chosen if key != parameter_file.KEY])
+        except ConfigError as error:
+            key = re.search(r"'([\w.\[\]]+)'", str(error))
+            places = [presets.place(file, key[1]) for file in files] if key and key[1] not in typed_keys else []
+            told = next((f" ({place})" for place in places if place and place not in str(error)), "")
+            raise ConfigError(f"{error}{told}") from error
+        return Asked(written, resolved, params)
 
-    def _job(self, folder: Path, config: Any, keys: Sequence[str]) -> None:
+    def _source(self, values: dict[str, Any], files: Sequence[Path]) -> str:
+        """The place in a preset of a key which the class does not have, for the message; empty when none brought it."""
+        known = set(configs.keys(configs.schema(self.params_class)))
+        unknown = [key for key in configs.keys(values) if key not in known]
+        return next(filter(None, (presets.place(file, key) for key in unknown[:1] for file in files)), "")
+
+    def _job(self, folder: Path, config: Any, hydra: Any) -> None:
         """One job of a sweep, if it is not done; what it raises is said in its manifest, and ends nothing else."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with plan.held(folder, wait=True):
                 if plan.status_of(folder) == plan.COMPLETE:
                     return
-                run = job_run(folder, plain(config))
+                run = job_run(folder, config)
                 with ends_in_manifest(run):
-                    run.config, params = self.read(config, keys)
-                    if processes.shared(run.config):
+                    asked = taken(run, self.read(config, hydra))
+                    if processes.shared(run.resolved):
                         raise ConfigError("several processes share the jobs of hydra/launcher=vmap, of no other one")
-                    self.body(params, run)
+                    with compile_cache.kept(run, anew=self.anew):
+                        self.body(asked.params, run)
         except OSError as error:
             print(f"job {folder.name}: {of_disk(error, folder)}", file=sys.stderr, flush=True)
             raise
 
-    def _single(self, folder: Path, config: Any, keys: Sequence[str]) -> None:
+    def _single(self, folder: Path, config: Any, hydra: Any) -> None:
         try:  # ends the program from inside: what leaves a Hydra job as an exception is reported by Hydra too
-            values, params = self.read(config, keys, source=self._source(plain(config)))
-            record = processes.recorder(values)
-            with record(folder, values, seed=values.get("seed")) as run:
-                self.body(params, run)
+            asked = self.read(config, hydra)
+            record, seed = processes.recorder(asked.resolved), asked.written.get("seed")
+            with (
+                record(folder, asked.written, seed=seed, resolved=asked.resolved) as run,
+                compile_cache.kept(run, anew=self.anew),
+            ):
+                self.body(asked.params, run)
         except (UrbanJaxError, OSError) as error:
             with contextlib.suppress(OSError):
                 folder.rmdir()  # nothing was written
             if isinstance(error, OSError) and not is_of_disk(error):
                 raise
-            stop(str(error) if isinstance(error, UrbanJaxError) else of_disk(error, folder))
-
-    def _source(self, values: dict[str, Any]) -> str:
-        """The preset file that brought a key which the class does not have, for the message; empty when none did."""
-        from hydra.core.hydra_config import HydraConfig
-
-        runtime = HydraConfig.get().runtime
-        preset = runtime.choices.get("preset")
-        unknown = set(configs.keys(values)) - {*configs.keys(configs.schema(self.params_class)), parameter_file.KEY}
-        if not preset or not unknown:
-            return ""
-        folders = [Path(source.path) for source in runtime.config_sources if source.schema == "file"]
-        files = [folder / "preset" / f"{preset}.yaml" for folder in folders]
-        return next((os.path.relpath(file) for file in files if file.is_file()), "")
+            stop(of_disk(error, folder) if isinstance(error, OSError) else str(error))
 
 
-def job_run(folder: Path, values: Mapping[str, Any]) -> Run:
-    """The run of a job, in the directory that the sweep has for it. Args: folder, the directory; values, its config."""
+def job_run(folder: Path, config: Any) -> Run:
+    """The run of a job, in the directory that the sweep has for it. Args: folder, the directory; config, composed."""
     sweep, planned = plan.job_in(folder)
     about = {"sweep": sweep, "job": planned.name, "overrides": planned.overrides}
-    return Run(folder, values, values.get("seed"), job=about)
+    return Run(folder, interpolation.plain(own(config), resolve=False), job=about)
+
+
+def taken(run: Run, asked: Asked) -> Asked:
+    """What a job asks, which its run takes over. Args: run, of the job; asked."""
+    run.config, run.resolved, run.seed = asked.written, asked.resolved, asked.written.get("seed")
+    return asked
 
 
 @contextlib.contextmanager
@@ -131,18 +167,6 @@ def fail(run: Run, error: Exception) -> None:
     said = " ".join(str(error).split())
     run.finish(plan.FAILED, f"{type(error).__name__}: {said}")
     print(f"job {run.directory.name} failed: {said or type(error).__name__}", file=sys.stderr, flush=True)
-
-
-def plain(config: Any) -> dict[str, Any]:
-    """A config as plain values. Raises ConfigError for an interpolation that fails. Args: config, composed."""
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
-    try:
-        found: Any = OmegaConf.to_container(own(config), resolve=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(str(error).splitlines()[0]) from error
-    return found
 
 
 def own(config: Any) -> Any:

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from urbanjax.io.runs import evaluations, processes
+from urbanjax.io.runs import compile_cache, evaluations, interpolation, processes
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.evaluations import Evaluation
-from urbanjax.io.runs.program import Program, fail, is_of_disk, job_run, plain
+from urbanjax.io.runs.program import Program, fail, is_of_disk, job_run, own, taken
 from urbanjax.types import ConfigError, host_record
 
 
@@ -49,7 +49,7 @@ def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
             f"'{program.name}' evaluates no drives, which is what hydra/launcher=vmap batches: ask for "
             "hydra/launcher=basic or hydra/launcher=joblib"
         )
-    config = plain(jobs[0].config)
+    config = interpolation.plain(own(jobs[0].config), resolve=True)
     if not processes.shared(config):
         _do(program, jobs)
         return
@@ -64,22 +64,23 @@ def _do(program: Program, jobs: Sequence[BatchedJob]) -> None:
     begun: dict[str, Evaluation] = {}
     waiting: list[str] = []
     for job in jobs:
-        runs[job.folder.name] = run = job_run(job.folder, plain(job.config))
+        runs[job.folder.name] = run = job_run(job.folder, job.config)
         try:
-            run.config, params = program.read(job.config, job.keys)
-            begun[job.folder.name] = program.evaluation(params, run)
+            asked = taken(run, program.read(job.config, job.config.hydra, keys=job.keys))
+            begun[job.folder.name] = program.evaluation(asked.params, run)
         except Exception as error:
             _fail(run, error)
 
     def ended(name: str, error: Exception | None) -> None:
         if error is not None:
             _fail(runs[name], error)
-        elif processes.shared(runs[name].config):
+        elif processes.shared(runs[name].resolved):
             waiting.append(name)  # others drive their share of it at the same time
         else:
             _finish(runs[name], begun.pop(name))
 
-    evaluations.evaluate(begun, ended=ended, title="sweep")
+    with compile_cache.kept(next(iter(runs.values())), anew=program.anew):
+        evaluations.evaluate(begun, ended=ended, title="sweep")
     for name in waiting:
         _finish(runs[name], begun.pop(name))
 
@@ -87,7 +88,7 @@ def _do(program: Program, jobs: Sequence[BatchedJob]) -> None:
 def _finish(run: Run, evaluation: Evaluation) -> None:
     try:
         evaluation.finish()
-        if not processes.follows(run.config):
+        if not processes.follows(run.resolved):
             run.finish("complete")
     except Exception as error:
         _fail(run, error)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from urbanjax.io.runs import parameter_file, program
+from urbanjax.io.runs import interpolation, parameter_file, program
 from urbanjax.io.runs.processes import KEYS
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepPlan
@@ -27,8 +27,8 @@ def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tu
     for key in keys:
         if key not in GROUPS and OmegaConf.select(own, key, throw_on_missing=False) is not None:
             OmegaConf.update(own, key, None, force_add=True)
-    raw: Any = OmegaConf.to_container(own, resolve=False)
-    resolved = {name: value for name, value in program.plain(own).items() if name not in APART}
+    raw = interpolation.plain(own, resolve=False)
+    resolved = {name: value for name, value in interpolation.plain(own, resolve=True).items() if name not in APART}
     if file := resolved.get(parameter_file.KEY):
         resolved[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
     return raw, resolved
