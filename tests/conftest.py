@@ -7,6 +7,11 @@ from pathlib import Path
 # Tests marked gpu run with JAX_PLATFORMS=cuda,cpu; everything else is a claim about the CPU.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
+# Programs started by a test neither use nor fill the user's folder of compiled ones (tests/experiments/commands.py has
+# one of its own).
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    os.environ.setdefault("JAX_ENABLE_COMPILATION_CACHE", "false")
+
 # Most programs here are compiled once and run a few times, so compiling is what costs: it takes a quarter of the time
 # without optimisation, and a quarter less without looking at loops. What XLA_FLAGS already says stays.
 # `laws/test_batch.py` compares with optimised programs.

@@ -11,8 +11,8 @@ from experiments.evaluate.study import EvaluateStudy
 from urbanjax.evaluation.batch import Job, case_of, moment, outcomes
 from urbanjax.evaluation.verdict import Cause
 from urbanjax.io.figures import animation, drives
-from urbanjax.io.runs import progress, report
-from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs import interpolation, progress, report
+from urbanjax.io.runs.directory import Run, digest
 from urbanjax.io.runs.report import cell
 from urbanjax.planning.explain import explain
 from urbanjax.stack import StackInfo
@@ -98,10 +98,16 @@ def _params_of(directory: str) -> EvaluateStudy:
     """The params of a run, from its manifest."""
     path = Path(directory) / "manifest.json"
     try:
-        config = json.loads(path.read_text(encoding="utf-8"))["config"]
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        config, theirs = manifest["config"], manifest["config_sha256"]
     except (OSError, ValueError, KeyError) as error:
         raise ConfigError(f"replay={directory}: its manifest.json cannot be read: {error}") from error
-    return to_params(EvaluateStudy, config, source=str(path))
+    values = interpolation.resolved(config)
+    if values != config and digest(values) != theirs:
+        raise ConfigError(
+            f"replay={directory}: its ${{...}} stood for other values; set the environment as it was then"
+        )
+    return to_params(EvaluateStudy, values, source=str(path))
 
 
 def _same(one: Any, other: Any) -> bool:

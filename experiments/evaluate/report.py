@@ -165,5 +165,5 @@ def _compare(params: EvaluateStudy, run: Run) -> None:
     run.summary({"lines": len(found["driver"]), "pairs": sum(found["pairs"])})
     progress.show_table(f"{params.run} less {params.against}", found)
     items = [report.Table("Paired differences from the same starts", found)]
-    section = report.Section(f"{params.run} less {params.against}", [], items)
+    section = report.Section(f"{run.config.get('run', 'one')} less {run.config.get('against', 'other')}", [], items)
     report.write_report(run.path("report.html"), "Two runs", sections=[section], manifest=run.manifest("complete"))

@@ -228,5 +228,6 @@ def known(resume: str, stamp: dict[str, Any]) -> dict[str, list[dict[str, Any]]]
     for key in ours:
         differs = sorted(changed(ours[key], theirs.get(key, {}))) if isinstance(ours[key], dict) else [key]
         if ours[key] != theirs.get(key):
-            raise ConfigError(f"resume={resume}: that run was of another {', '.join(differs[:3]) or key}; begin anew")
+            what = "value behind a ${...} of its config" if key == "config_sha256" else ", ".join(differs[:3]) or key
+            raise ConfigError(f"resume={resume}: that run was of another {what}; begin anew")
     return {path.stem: rows_in(path) for path in sorted(folder.glob("*.parquet"))}

@@ -47,7 +47,7 @@ def study(params: LocalizeStudy, run: Run) -> report.Section:
     text = [f"{len(files)} scans, {way(poses)[-1]:.1f} m. Poses are written to poses.txt in KITTI format."]
     text += [lost] if lost else []
     items = [report.Picture("The way, from above.", run.path("odometry.png")), report.Table("Scan by scan.", columns)]
-    return report.Section(f"Odometry on {Path(params.folder).name}", text, items)
+    return report.Section(f"Odometry on {Path(run.config.get('folder', params.folder)).name}", text, items)
 
 
 def scans_in(folder: Path) -> list[Path]:

@@ -259,11 +259,13 @@ def test_what_is_no_run_is_named(changes, message, tmp_path):
 
 def test_only_a_run_of_the_same_config_and_code_is_gone_on_with(tmp_path):
     (tmp_path / "rows").mkdir()
-    stamp = {"config": {"seeds": 3, "stack": {"x": 1.0}}, "code": {"commit": "a"}}
+    stamp = {"config": {"seeds": 3, "stack": {"x": 1.0}}, "config_sha256": "ab", "code": {"commit": "a"}}
     (tmp_path / "rows" / study.STAMP).write_text(json.dumps(stamp))
     assert study.known(str(tmp_path), stamp) == {}
     with pytest.raises(ConfigError, match=r"another stack\.x"):
         study.known(str(tmp_path), {**stamp, "config": {"seeds": 3, "stack": {"x": 2.0}}})
+    with pytest.raises(ConfigError, match=r"another value behind a \$"):
+        study.known(str(tmp_path), {**stamp, "config_sha256": "f0"})
     with pytest.raises(ConfigError, match="another commit"):
         study.known(str(tmp_path), {**stamp, "code": {"commit": "b"}})
 

@@ -9,6 +9,7 @@ import pytest
 from tests.conftest import REPOSITORY
 
 PROGRAM = """
+import os
 from typing import ClassVar
 from urbanjax.io.runs import cli
 from urbanjax.types import ScenarioError, Unread, pytree, static
@@ -25,7 +26,7 @@ class Toy:
     folder: str = static(default="")
 
 
-@cli.experiment("toy", Toy)
+@cli.experiment("toy", Toy, anew="TOY_ANEW" in os.environ)
 def main(params, run):
     if params.folder == "compile":
         import jax
@@ -51,7 +52,7 @@ def home(tmp_path_factory):
     presets = root / "configs" / "toy" / "preset"
     presets.mkdir(parents=True)
     (presets / "fast.yaml").write_text("# @package _global_\nvehicle:\n  max_speed: 50\n")
-    (presets / "short.yaml").write_text("# @package _global_\nvehicle:\n  length: 3\n")
+    (presets / "short.yaml").write_text("# @package _global_\n# Short cars.\nvehicle:\n  length: 3\n")
     (presets / "wrong.yaml").write_text("# @package _global_\nvehicle:\n  lenght: 3\n")
     return root
 

@@ -12,6 +12,32 @@ def test_cfg_job_shows_every_value(home, run):
     assert "seed: 0" in done.stdout
 
 
+def test_cfg_job_is_a_preset_that_changes_nothing(home, run):
+    shown = run("--cfg", "job").stdout
+    assert shown.startswith("# @package _global_\n")
+    assert "grid: [0.0, 1.0]" in shown.splitlines()
+    assert shown.index("seed: ") < shown.index("vehicle:")
+    (home / "shown/preset").mkdir(parents=True)
+    (home / "shown/preset/same.yaml").write_text(shown)
+    assert run("--config-dir=shown", "preset=same", "--cfg", "job").stdout == shown
+    assert run("--cfg", "job", "--package", "vehicle").stdout.startswith("# @package vehicle\n")
+
+
+def test_help_says_what_there_is_to_choose(run):
+    done = run("--help")
+    assert done.returncode == 0, done.stderr
+    for text in (
+        "python -m programs.toy [preset=NAME]",
+        "preset=short  Short cars.",
+        "seed    0",
+        "  vehicle",
+        "-m KEY",
+    ):
+        assert text in done.stdout
+    assert "ydra (" not in done.stdout
+    assert "Powered" not in done.stdout
+
+
 def test_a_run_ends_with_its_directory_and_manifest(home, run):
     done = run("preset=short", "hydra.run.dir=outputs/one")
     assert done.returncode == 0, done.stderr
@@ -57,11 +83,17 @@ def test_a_mistake_is_one_line_and_exit_code_two(home, run, argument, message):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["vehicle.max_speed=50"], ["vehicle.max_speed=40.0"], ["-m", "vehicle.max_speed=40,50"], ["preset=fast"]],
+    [
+        ["vehicle.max_speed=50"],
+        ["vehicle.max_speed=40.0"],
+        ["-m", "vehicle.max_speed=40,50"],
+        ["preset=fast"],
+    ],
     ids=["changed", "as it is", "swept", "preset"],
 )
 def test_a_value_that_nothing_reads_ends_the_program(home, run, arguments):
     done = run(*arguments, "hydra.run.dir=outputs/unread")
     assert done.returncode == 2
-    assert done.stderr == "error: 'vehicle.max_speed' is read by nothing here: nobody drives, see 'grid'\n"
+    place = " (configs/toy/preset/fast.yaml, line 3, column 3)" if "preset=fast" in arguments else ""
+    assert done.stderr == f"error: 'vehicle.max_speed' is read by nothing here: nobody drives, see 'grid'{place}\n"
     assert not (home / "outputs/unread").exists()

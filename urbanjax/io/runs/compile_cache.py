@@ -155,7 +155,7 @@ def _events() -> Counter:
         if event.startswith(EVENTS):
             events[event.removeprefix(EVENTS)] += 1
 
-    def note_seconds(event: str, _: float, **__: Any) -> None:
+    def note_seconds(event: str, duration_secs: float, **_: Any) -> None:
         if event == "/jax/core/compile/backend_compile_duration":
             events["programs"] += 1
 
@@ -184,10 +184,9 @@ def _unusable(names: list[str]) -> Iterator[None]:
 
 def _remove(folder: Path | None, names: list[str]) -> None:
     """Remove the files of these programs, which JAX would neither read nor write again."""
-    for name in set(names) if folder else ():
-        for path in folder.glob(f"{name}-*"):
-            with contextlib.suppress(OSError):
-                path.unlink()
+    for path in [path for name in set(names) for path in folder.glob(f"{name}-*")] if folder else ():
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _counted(folder: Path | None, why: str, before: Counter, unusable: list[str]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ MARK = "${"
 SHORTEST = 4  # letters of a value that is looked for in a message: shorter ones stand everywhere by chance
 
 
-def plain(config: Any, *, resolve: bool) -> dict[str, Any]:
+def plain(config: Any, *, resolve: bool) -> Any:
     """Nested plain values of a config. Raises ConfigError, which names the key, for what cannot be resolved.
 
     Args: config, of OmegaConf; resolve, whether interpolations become what they stand for, or stay as written.
@@ -19,10 +19,9 @@ def plain(config: Any, *, resolve: bool) -> dict[str, Any]:
     from omegaconf.errors import OmegaConfBaseException
 
     try:
-        values: Any = OmegaConf.to_container(config, resolve=resolve)
+        return OmegaConf.to_container(config, resolve=resolve)
     except OmegaConfBaseException as error:
         raise ConfigError(unresolved(error)) from error
-    return values
 
 
 def resolved(values: Mapping[str, Any]) -> dict[str, Any]:

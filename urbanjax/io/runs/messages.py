@@ -80,7 +80,7 @@ def _override_message(error: Exception, lines: list[str], tree: Mapping[str, Any
         key, values = several.groups()
         return f"{key}={values} gives several values: add -m to run with each, or write the list '{key}=[{values}]'"
     merged = re.match(r"Error merging override ([^=]+)=(.*)", lines[0])
-    return _of_group(*merged.groups(), tree) if merged else None
+    return _of_group(merged[1], merged[2], tree) if merged else None
 
 
 def _unreadable(override: str, why: str, tree: Mapping[str, Any]) -> str:
