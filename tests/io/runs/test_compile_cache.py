@@ -71,6 +71,17 @@ def test_without_a_place_to_write_to_a_run_does_without(home, run, tmp_path):
     assert done.stderr.count("\n") == 1
 
 
+def test_no_home_is_made_for_it(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "nobody"))
+    with pytest.raises(FileError, match="there is no home folder"):
+        compile_cache._base()
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert compile_cache._base() == tmp_path / ".cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
+    assert compile_cache._base() == tmp_path / ".cache"
+
+
 @pytest.mark.parametrize("open_one", ["", "urbanjax", "urbanjax/compiled"], ids=["base", "ours", "below"])
 @pytest.mark.parametrize("mode", [0o770, 0o707, 0o1777])
 def test_a_folder_that_others_can_write_to_is_not_used(tmp_path, open_one, mode):

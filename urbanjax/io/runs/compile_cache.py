@@ -132,7 +132,11 @@ def _base() -> Path:
     if not hasattr(os, "geteuid"):
         raise FileError("who else can write to a folder is not known on this system")
     given = os.environ.get("XDG_CACHE_HOME", "")
-    return Path(given) if os.path.isabs(given) else Path.home() / ".cache"
+    if os.path.isabs(given):
+        return Path(given)
+    if not Path.home().is_dir():
+        raise FileError(f"there is no home folder {Path.home()}; set XDG_CACHE_HOME to a folder of your own")
+    return Path.home() / ".cache"
 
 
 def _processor() -> list[str]:

@@ -33,7 +33,7 @@ def _keys(params: Any, prefix: str) -> Iterator[str]:
 
 
 def _values(spec: dataclasses.Field, value: Any) -> list[str]:
-    chosen = [name for name in spec.metadata.get("choices") or () if name != ""]
+    chosen = [str(name) for name in spec.metadata.get("choices") or () if name != ""]
     if isinstance(value, tuple):
         plain = not any(dataclasses.is_dataclass(item) for item in value)
         return [f"[{name}]" for name in chosen] or ([f"[{','.join(map(_text, value))}]"] if plain else [])
