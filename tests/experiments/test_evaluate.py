@@ -272,3 +272,14 @@ def test_only_a_run_of_the_same_config_and_code_is_gone_on_with(tmp_path):
 
 def test_another_driver_than_the_stack_has_no_reasons():
     assert replay.reasons(None) == {}
+
+
+def test_a_run_is_driven_again_only_in_the_environment_that_it_had(tmp_path, monkeypatch):
+    config = {"seeds": "${oc.decode:${oc.env:DRIVES}}"}
+    manifest = {"config": config, "config_sha256": directory.digest({"seeds": 3})}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    monkeypatch.setenv("DRIVES", "3")
+    assert replay._params_of(str(tmp_path)).seeds == 3
+    monkeypatch.setenv("DRIVES", "4")
+    with pytest.raises(ConfigError, match="stood for other values"):
+        replay._params_of(str(tmp_path))
