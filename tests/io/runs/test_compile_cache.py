@@ -42,10 +42,18 @@ def test_a_file_that_cannot_be_read_is_compiled_anew_and_replaced(home, run, tmp
         path.write_bytes(path.read_bytes()[:-9])
     broken, done = compiled(home, run, "broken", **here)
     assert broken["unusable"] == broken["programs"]
-    assert "could not be used and are gone" in done.stdout
+    assert f", {broken['programs']} that could not be read" in done.stdout
     assert done.stderr == ""
     compiled(home, run, "mended", **here)
     assert compiled(home, run, "mended again", **here)[0]["from_folder"] == broken["programs"]
+
+
+def test_what_another_process_is_writing_stays(tmp_path):
+    for name, time in (("jit_old-1-cache", 1e9), ("jit_old-2-cache", 3e9), ("jit_other-1-cache", 1e9)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (time, time))
+    compile_cache._remove(tmp_path, ["jit_old"], 2e9)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["jit_old-2-cache", "jit_other-1-cache"]
 
 
 def test_what_jax_is_told_holds(tmp_path, monkeypatch):

@@ -43,7 +43,7 @@ def kept(run: Run, *, anew: bool = False) -> Iterator[None]:
     run.facts["compiled"] = lambda: _counted(folder, why, before, unusable)
     with _unusable(unusable):
         yield
-    _remove(folder, unusable)
+    _remove(folder, unusable, run.started)
     told = _counted(folder, why, before, unusable)
     if told["programs"]:
         print(_line(told), flush=True)
@@ -186,11 +186,15 @@ def _unusable(names: list[str]) -> Iterator[None]:
         yield
 
 
-def _remove(folder: Path | None, names: list[str]) -> None:
-    """Remove the files of these programs, which JAX would neither read nor write again."""
+def _remove(folder: Path | None, names: list[str], before: float) -> None:
+    """Remove the files of these programs, which JAX would neither read nor write again.
+
+    Those written since `before` [s] stay: they were read while another process still wrote them.
+    """
     for path in [path for name in set(names) for path in folder.glob(f"{name}-*")] if folder else ():
         with contextlib.suppress(OSError):
-            path.unlink()
+            if path.stat().st_mtime < before:
+                path.unlink()
 
 
 def _counted(folder: Path | None, why: str, before: Counter, unusable: list[str]) -> dict[str, Any]:
@@ -216,5 +220,5 @@ def _line(told: dict[str, Any]) -> str:
     if not told["folder"]:
         return f"compiled programs: {told['programs']} new, none kept ({told['why_not']})"
     new = told["programs"] - told["from_folder"]
-    broken = f", {told['unusable']} files of them could not be used and are gone" if told["unusable"] else ""
+    broken = f", {told['unusable']} that could not be read" if told["unusable"] else ""
     return f"compiled programs: {told['from_folder']} from {told['folder']}, {new} new{broken}"
