@@ -75,7 +75,7 @@ def _axis(key: str, axis: Mapping[str, Any], label: str, jobs: Sequence[SweepJob
     return SweepAxis(key, label, kind, tuple(values), numeric, bool(log))
 
 
-def _geometric(values: Sequence[float]) -> bool:
+def _geometric(values: Sequence[Any]) -> bool:
     """Whether three or more positive values have one ratio."""
     steps = np.diff(np.log(values)) if len(values) > 2 else np.zeros(0)
     return bool(steps.size and np.allclose(steps, steps[0], rtol=1e-6) and not np.allclose(np.diff(values, 2), 0))

@@ -46,7 +46,7 @@ def collected(
     *,
     alone: bool,
 ) -> Collected:
-    """Read what the jobs of one experiment found. Args: plans; jobs, each once; axes; alone, whether it is the only one."""
+    """Read what the jobs of one experiment found. Args: plans; jobs, each once; axes; alone, if no other is."""
     scores = chosen(params, jobs)
     evidence = Evidence(jobs, [score.name for score in scores])
     experiment = plans[0].experiment

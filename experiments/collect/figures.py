@@ -15,6 +15,7 @@ from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
 WIDTH = 7.4  # inch, of a page that is also read on a phone
 PANEL = 2.5  # inch high
 FEW = 12  # values that are marked on an axis one by one
+CHARACTERS = 45  # of the font below half a page
 Responses = Mapping[str, Sequence[ResponsePoint]]  # by name of the score
 
 
@@ -121,7 +122,7 @@ def scale(axes: Any, axis: SweepAxis) -> None:
 
 
 def _apart(axis: SweepAxis) -> bool:
-    """Whether labels of all values find room."""
+    """Whether the labels of all values find room in half a page."""
     at = np.log(axis.values) if axis.log else np.asarray(axis.values, float)
-    span = at[-1] - at[0]
-    return len(at) < 2 or bool(np.diff(at).min() > 0.09 * span)
+    longest = max(len(shown(value)) for value in axis.values)
+    return len(at) < 2 or bool(np.diff(at).min() / (at[-1] - at[0]) > (longest + 1.5) / CHARACTERS)

@@ -116,15 +116,15 @@ def draw_front(
             whiskers(
                 axes, at, other, colour=colour, line="", alpha=alpha, label="on the front" if part is front else "jobs"
             )
-            whiskers_across(axes, one, [value.value for value in other], colour, alpha)
+            whiskers_across(axes, one, at=[value.value for value in other], colour=colour, alpha=alpha)
         corners = np.array([[evidence.of(job, score.name).value for score in scores] for job in front])
         axes.step(*corners.T, where="post", color=BAD, lw=1.2)
         axes.set(xlabel=scores[0].told, ylabel=scores[1].told)
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
-def whiskers_across(axes: Any, values: Sequence[Any], at: Sequence[float], colour: str, alpha: float) -> None:
+def whiskers_across(axes: Any, values: Sequence[Any], *, at: Sequence[Any], colour: str, alpha: float) -> None:
     """Intervals across. Args: axes; values with intervals; at, heights; colour; alpha of all."""
-    value, low, high = np.array(values, float).reshape(-1, 3).T
+    _, low, high = np.array(values, float).reshape(-1, 3).T
     known = np.isfinite(low) & np.isfinite(high) & np.isfinite(at)
     axes.hlines(np.asarray(at)[known], low[known], high[known], color=colour, alpha=alpha, lw=1.0)

@@ -193,6 +193,6 @@ def chosen(params: CollectStudy, jobs: Sequence[SweepJob]) -> list[SweepScore]:
 
 
 def ranked(jobs: Sequence[SweepJob], evidence: Evidence, score: SweepScore) -> list[SweepJob]:
-    """The jobs that have the score, from best to worst; as planned where they are alike. Args: jobs; evidence; score."""
+    """The jobs that have the score, best first; as planned where they are alike. Args: jobs; evidence; score."""
     found = [(evidence.of(job, score.name).value, job) for job in jobs]
     return [job for _, job in sorted((p for p in found if np.isfinite(p[0])), key=lambda p: -score.sign * p[0])]

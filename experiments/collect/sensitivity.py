@@ -1,8 +1,10 @@
 """Which axes decide a score: indices from a sample of all of them at once."""
 
-import contextlib
-import warnings
-from collections.abc import Iterator, Sequence
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.types import host_record
 
 LEAST = 30  # jobs: of fewer the indices are mostly noise
-RESAMPLES, SEED, PER_BIN = 200, 1, 10
+RESAMPLES, SEED, PER_BIN = 100, 1, 10
 
 
 @host_record
@@ -52,30 +54,28 @@ def _within(value: float, half: float) -> WithInterval:
 
 
 def _delta(at: np.ndarray, score: np.ndarray) -> dict[str, Any]:
-    """SALib's analysis of given data: at [jobs, axes], score [jobs]."""
-    names = [f"x{i}" for i in range(at.shape[1])]
+    """SALib's analysis of given data: at [jobs, axes], score [jobs].
+
+    In a process of its own: it seeds NumPy's global generator, changes how warnings are shown, and solves thousands of
+    tiny systems, for each of which threads of BLAS would wait for each other.
+    """
     bins = max(2, min(10, len(score) // PER_BIN))  # of fewer jobs in each it refuses
-    with _as_before():
-        from SALib.analyze import delta
-
-        return delta.analyze(
-            {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)},
-            at,
-            score,
-            num_resamples=RESAMPLES,
-            seed=SEED,
-            bins_specs=dict.fromkeys(names, bins),
-        )
+    told = {"at": at.tolist(), "score": score.tolist(), "bins": bins, "resamples": RESAMPLES, "seed": SEED}
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    command = [sys.executable, "-W", "ignore", "-c", PROGRAM]
+    done = subprocess.run(command, input=json.dumps(told), env=environment, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
 
 
-@contextlib.contextmanager
-def _as_before() -> Iterator[None]:
-    """SALib seeds NumPy's global generator, and changes how warnings are shown: neither outlives the call."""
-    state, shown = np.random.get_state(), warnings.formatwarning  # noqa: NPY002
-    try:
-        with warnings.catch_warnings(record=True):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        np.random.set_state(state)  # noqa: NPY002
-        warnings.formatwarning = shown
+PROGRAM = """
+import json, sys
+import numpy as np
+from SALib.analyze import delta
+told = json.load(sys.stdin)
+at, score = np.array(told["at"]), np.array(told["score"])
+names = [f"x{i}" for i in range(at.shape[1])]
+problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+bins = dict.fromkeys(names, told["bins"])
+found = delta.analyze(problem, at, score, num_resamples=told["resamples"], seed=told["seed"], bins_specs=bins)
+json.dump({key: found[key].tolist() for key in ("S1", "S1_conf", "delta_raw", "delta_raw_conf")}, sys.stdout)
+"""

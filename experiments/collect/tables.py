@@ -124,6 +124,7 @@ def sensitivity(indices: Sequence[AxisIndex]) -> Columns:
 def differences(
     best: SweepJob,
     rest: Mapping[str, SweepJob],
+    *,
     axes: Sequence[SweepAxis],
     evidence: Evidence,
     scores: Sequence[SweepScore],
@@ -151,5 +152,5 @@ def text(value: WithInterval) -> str:
         return "-"
     width = value.high - value.low if np.isfinite(value.high - value.low) else abs(value.value)
     size = width or abs(value.value)
-    digits = 2 if not size else int(np.clip(2 - np.floor(np.log10(size)), 0, 6))
-    return value.text(min(digits, 6))
+    digits = 2 if not size else int(np.clip(2 - np.floor(np.log10(size)), 0, 4))
+    return value.text(digits)

@@ -11,6 +11,7 @@ from jax.interpreters import partial_eval
 
 from experiments.benchmark.study import BenchStudy
 from experiments.candidates.study import CandidateStudy
+from experiments.collect.study import CollectStudy
 from experiments.common import overtaking
 from experiments.common.overtaking import OvertakeStudy
 from experiments.demo.study import DemoStudy
@@ -33,6 +34,7 @@ from urbanjax.types.unread import changed, check_read, unread
 STUDIES = {
     "benchmark": BenchStudy,
     "candidates": CandidateStudy,
+    "collect": CollectStudy,
     "demo": DemoStudy,
     "evaluate": EvaluateStudy,
     "highway": HighwayStudy,

@@ -124,6 +124,7 @@ table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabula
 caption, figcaption { text-align: left; color: #555; font-size: .85rem; padding-bottom: .3rem; }
 th, td { padding: .25rem .7rem; border-bottom: 1px solid #eee; text-align: right; }
 th:first-child, td:first-child, .words { text-align: left; }
+td:not(.words):not(:first-child) { white-space: nowrap; }
 td.words { min-width: 5rem; max-width: 32rem; }
 thead th { border-bottom: 1px solid #999; font-weight: 600; }
 figure { margin: 1rem 0; }
