@@ -102,7 +102,7 @@ def nearest_defaults(
     """
 
     def distance(job: SweepJob) -> float:
-        return sum(_apart(axis, job.value(axis.key), defaults.get(axis.key)) for axis in axes if axis.varies)
+        return float(sum(_apart(axis, job.value(axis.key), defaults.get(axis.key)) for axis in axes if axis.varies))
 
     return min(jobs, key=distance, default=None)
 

@@ -37,7 +37,7 @@ WRONG = {
     "": r"a\.yaml: must hold the entries",
     HEAD + "tau: 1\n": r"a\.yaml: has no use for the entry 'tau'",
     "values: {}\n": r"a\.yaml: does not say of which version it is: add the line 'urbanjax: 0\.1\.0'",
-    "urbanjax: 0.0.9\nvalues: {}\n": r"a\.yaml: is of urbanjax 0\.0\.9, this is 0\.1\.0.*write 'urbanjax: 0\.1\.0' in it",
+    "urbanjax: 0.0.9\nvalues: {}\n": r"a\.yaml: is of urbanjax 0\.0\.9, this is 0\.1\.0.*write .urbanjax: 0",
     HEAD + "values: [1]\n": r"a\.yaml: 'values' must hold one line",
     HEAD + "values: {a: {b: 1}}\n": r"a\.yaml: 'a' must be a finite number",
     HEAD + "values: {a: .inf}\n": r"a\.yaml: 'a' must be a finite number",

@@ -15,7 +15,7 @@ KEY = "params"  # of the command line, that names such a file
 ENTRIES = ("urbanjax", "code", "values")
 WIDTH = 10**6  # characters before YAML would break a line
 # YAML 1.1 takes 1e-5 for a text; whoever edits a file means a number.
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+NUMBER = re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 
 
 def write_parameters(path: Path, values: Mapping[str, Any], *, about: Mapping[str, str]) -> None:
@@ -31,9 +31,8 @@ def write_parameters(path: Path, values: Mapping[str, Any], *, about: Mapping[st
         _check(key, value, source=str(path))
     head = [f"# {name}: {' '.join(str(text).split())}" for name, text in about.items() if name != "code"]
     entries = {"urbanjax": _version(), "code": str(about.get("code", "")), "values": dict(values)}
-    write_atomically(
-        path, "\n".join([*head, yaml.safe_dump(entries, sort_keys=False, allow_unicode=True, width=WIDTH)])
-    )
+    text = yaml.dump(entries, Dumper=_dumper(), sort_keys=False, allow_unicode=True, width=WIDTH)
+    write_atomically(path, "\n".join([*head, text]))
 
 
 def read_parameters(path: Path) -> dict[str, Any]:
@@ -112,7 +111,7 @@ def _entries(path: Path) -> Mapping[Any, Any]:
     return entries
 
 
-def _loader() -> type:
+def _loader() -> Any:
     """YAML's safe loader, which here refuses a key that stands twice."""
     import yaml
 
@@ -122,16 +121,25 @@ def _loader() -> type:
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
             """The mapping. Args: node of it; deep, whether all below is made at once."""
             seen = set()
-            for key, _ in node.value:
-                if key.value in seen and isinstance(key, yaml.ScalarNode):
+            for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+                if key.value in seen:
                     raise yaml.constructor.ConstructorError(problem=f"'{key.value}' twice", problem_mark=key.start_mark)
-                seen.add(key.value if isinstance(key, yaml.ScalarNode) else id(key))
+                seen.add(key.value)
             return super().construct_mapping(node, deep)
 
-    ParameterLoader.add_implicit_resolver(
-        "tag:yaml.org,2002:float", re.compile(f"^{NUMBER.pattern}$"), [*"-+.0123456789"]
-    )
-    return ParameterLoader
+    return _with_numbers(ParameterLoader)
+
+
+def _dumper() -> Any:
+    """YAML's safe dumper, which here puts quotes around a text that the loader would take for a number."""
+    import yaml
+
+    return _with_numbers(type("ParameterDumper", (yaml.SafeDumper,), {}))
+
+
+def _with_numbers(cls: Any) -> Any:
+    cls.add_implicit_resolver("tag:yaml.org,2002:float", NUMBER, [*"-+.0123456789"])
+    return cls
 
 
 def _check(key: Any, value: Any, *, source: str) -> None:
