@@ -35,7 +35,8 @@ def whole(tmp_path_factory):
 def test_the_survivor_ends_readably_and_all_go_on_to_the_same_tables(tmp_path, whole, killed):
     pair = shared(tmp_path / "cut")
     rows, began = tmp_path / "cut_0" / "rows", time.monotonic()
-    while not list(rows.glob("*.parquet")) and time.monotonic() - began < LIMIT:
+    while not list(rows.glob("*.parquet")) and all(one.poll() is None for one in pair):
+        assert time.monotonic() - began < LIMIT
         time.sleep(0.01)
     pair[killed].kill()
     began = time.monotonic()

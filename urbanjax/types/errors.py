@@ -29,5 +29,9 @@ class FileError(UrbanJaxError):
     """A file is missing, truncated or not what its name says."""
 
 
+class ProcessError(UrbanJaxError):
+    """A process that shares a run has ended early or was told to: none of them can go on."""
+
+
 class TrafficError(UrbanJaxError):
     """A course, an area or another input of the traffic analysis is out of range."""

@@ -11,9 +11,9 @@ import time
 import pytest
 
 from tests.conftest import REPOSITORY
-from urbanjax.io.runs.line import SIGNALS, Line
+from urbanjax.io.runs.line import SIGNALS, ProcessLine
 from urbanjax.io.runs.meeting import Wire
-from urbanjax.types import UrbanJaxError
+from urbanjax.types import ProcessError
 
 LONG = 30.0  # s, that nobody waits for
 
@@ -32,7 +32,7 @@ def ends(line, wires, act):
     """What is raised while the line is watched and something is done to it in another thread."""
     before = [signal.getsignal(number) for number in SIGNALS]
     threading.Timer(0.1, act).start()
-    with pytest.raises(UrbanJaxError) as raised, line.signals(), line.watched(wires):
+    with pytest.raises(ProcessError) as raised, line.signals(), line.watched(wires):
         time.sleep(LONG)
     assert [signal.getsignal(number) for number in SIGNALS] == before
     return str(raised.value)
@@ -40,33 +40,33 @@ def ends(line, wires, act):
 
 def test_who_ends_without_a_word_ends_all(others):
     far, near = others
-    line = Line(0)
+    line = ProcessLine(0)
     line.remedy = "see there"
     began = time.monotonic()
     assert ends(line, near, far[0].close) == "process 1 has ended without a word: see there"
     assert time.monotonic() - began < LONG / 2
     assert far[1].first(1.0) == ("lost", "process 1 has ended without a word")
-    with pytest.raises(UrbanJaxError, match="process 1 has ended without a word: see there"):
+    with pytest.raises(ProcessError, match="process 1 has ended without a word: see there"):
         line.check()
 
 
 def test_who_says_why_is_quoted(others):
     far, near = others
     why = "process 1 has failed: ConfigError: why"
-    assert ends(Line(0), near, lambda: far[0].send("lost", why)) == f"{why}: start all processes again"
+    assert ends(ProcessLine(0), near, lambda: far[0].send("lost", why)) == f"{why}: start all processes again"
 
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_a_signal_ends_it_in_one_line_and_the_others_are_told(others, number):
     far, near = others
     reason = f"process 0 was told to end ({number.name})"
-    assert ends(Line(0), near, lambda: os.kill(os.getpid(), number)) == f"{reason}: start all processes again"
+    assert ends(ProcessLine(0), near, lambda: os.kill(os.getpid(), number)) == f"{reason}: start all processes again"
     assert [wire.first(1.0) for wire in far] == [("lost", reason)] * 2
 
 
 def test_what_fails_here_is_told(others):
     far, near = others
-    line = Line(0)
+    line = ProcessLine(0)
     with pytest.raises(ZeroDivisionError), line.signals(), line.watched(near):
         raise ZeroDivisionError("by\nnought")
     assert [wire.first(1.0) for wire in far] == [("lost", "process 0 has failed: ZeroDivisionError: by nought")] * 2
@@ -76,7 +76,7 @@ def test_what_fails_here_is_told(others):
 
 def test_it_is_done_when_all_are(others):
     far, near = others
-    line, times = Line(0), []
+    line, times = ProcessLine(0), []
 
     def act():
         far[0].send("done")
@@ -102,7 +102,7 @@ def test_what_cannot_be_interrupted_is_ended():
 import signal, socket, time
 from urbanjax.io.runs import line, meeting
 far, near = socket.socketpair()
-one = line.Line(1)
+one = line.ProcessLine(1)
 one.limit, one.remedy = 0.5, "see there"
 with one.signals(), one.watched({{0: meeting.Wire(near)}}):
     signal.pthread_sigmask(signal.SIG_BLOCK, line.SIGNALS)

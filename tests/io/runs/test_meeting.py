@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from urbanjax.io.runs import meeting
-from urbanjax.types import ConfigError, UrbanJaxError
+from urbanjax.types import ConfigError, ProcessError, UrbanJaxError
 
 ABOUT = {"config": {"seed": 0, "sim": {"period": 0.1}}, "code": {"commit": "c"}}
 
@@ -62,7 +62,7 @@ def test_all_have_a_wire_to_process_0_once_all_have_come(coordinator):
 
 def test_a_process_of_another_config_ends_both_and_the_key_is_named(coordinator):
     ended = meet(coordinator, {**ABOUT, "config": {"seed": 0, "sim": {"period": 0.2}}})
-    assert [type(error) for error in ended] == [ConfigError, UrbanJaxError]
+    assert [type(error) for error in ended] == [ConfigError, ProcessError]
     assert "process 1 has another config.sim.period than process 0" in str(ended[0])
     assert "process=1: its config or its code is not that of process 0, see config.sim.period" in str(ended[1])
 
@@ -110,7 +110,7 @@ def test_who_comes_again_takes_the_place_of_who_came_before(coordinator):
         before = pool.submit(meeting.join, coordinator, 1, about=ABOUT, patience=10.0)
         time.sleep(0.5)
         again = pool.submit(meeting.join, coordinator, 1, about=ABOUT, patience=10.0)
-        with pytest.raises(UrbanJaxError, match="another process=1 has come: give each a number of its own"):
+        with pytest.raises(ProcessError, match="another process=1 has come: give each a number of its own"):
             before.result(10.0)
         joined = meeting.join(coordinator, 2, about=ABOUT, patience=10.0)
         close(hosted.result(10.0), again.result(10.0), joined)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from types import FrameType
 
 from urbanjax.io.runs.meeting import Message, Wire
-from urbanjax.types import UrbanJaxError
+from urbanjax.types import ProcessError
 
 TOLD, LOST, DONE = "told", "lost", "done"
 PAUSE = 0.2  # s between two looks
@@ -22,10 +22,10 @@ FAILED = 2  # exit code
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Line:
+class ProcessLine:
     """This process' end of it. Process 0 has a wire to each of the others, and they have one to process 0.
 
-    While it is `watched`, a signal and the end of another process raise an UrbanJaxError in the main thread; where that
+    While it is `watched`, a signal and the end of another process raise an ProcessError in the main thread; where that
     thread does not come back from what it computes, the process ends within `LIMIT` seconds with the same line.
     """
 
@@ -50,13 +50,13 @@ class Line:
         return self._told.get()
 
     def check(self) -> None:
-        """Raise UrbanJaxError where the run cannot go on, for threads other than the main one."""
+        """Raise ProcessError where the run cannot go on, for threads other than the main one."""
         if self.reason:
-            raise UrbanJaxError(self._message())
+            raise ProcessError(self._message())
 
     @contextlib.contextmanager
     def signals(self) -> Iterator[None]:
-        """Have signals raise an UrbanJaxError in the main thread, which must be the one that calls this."""
+        """Have signals raise an ProcessError in the main thread, which must be the one that calls this."""
         before = {number: signal.signal(number, self._end) for number in SIGNALS}
         try:
             yield
@@ -148,7 +148,7 @@ class Line:
             return
         self._raised = True  # once: what is written on the way out is written whole
         self.reason = self.reason or f"process {self.process} was told to end ({signal.Signals(number).name})"
-        raise UrbanJaxError(self._message())
+        raise ProcessError(self._message())
 
     def _message(self) -> str:
         return f"{self.reason}: {self.remedy}"

@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from urbanjax.types import ConfigError, UrbanJaxError
+from urbanjax.types import ConfigError, ProcessError
 from urbanjax.types.unread import changed
 
 Message = tuple[str, str]  # its kind, and a text
@@ -110,7 +110,7 @@ def join(coordinator: str, process: int, *, about: Mapping[str, Any], patience: 
     """The wire to process 0, by its number, once all have come.
 
     Args: coordinator, HOST:PORT of process 0; process, the number of this one; about, as for `host`; patience in
-    seconds. Raises ConfigError where nobody answers there or something else does, UrbanJaxError where process 0 refuses
+    seconds. Raises ConfigError where nobody answers there or something else does, ProcessError where process 0 refuses
     or ends.
     """
     until = time.monotonic() + patience
@@ -119,13 +119,13 @@ def join(coordinator: str, process: int, *, about: Mapping[str, Any], patience: 
         wire.send(HELLO, json.dumps({"process": process, **about}))
         kind, text = wire.first(patience + ANSWER)  # process 0 is the one that loses patience
         if kind != WELCOME:
-            raise UrbanJaxError(text)
+            raise ProcessError(text)
     except BaseException as error:
         wire.close()
         if isinstance(error, TimeoutError | ValueError):
             raise ConfigError(f"coordinator={coordinator}: what answers there is not process 0") from error
         if isinstance(error, EOFError | OSError):
-            raise UrbanJaxError("process 0 has ended without a word before all had come") from error
+            raise ProcessError("process 0 has ended without a word before all had come") from error
         raise
     return {0: wire}
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from urbanjax.io.runs import directory, meeting
 from urbanjax.io.runs.directory import Run
-from urbanjax.io.runs.line import LIMIT, Line
+from urbanjax.io.runs.line import LIMIT, ProcessLine
 from urbanjax.types import ConfigError
 
 KEYS = ("coordinator", "process", "processes")  # of the config of an experiment that can be shared
@@ -50,10 +50,10 @@ def recorder(values: Mapping[str, Any]) -> Callable:
 
 
 @contextlib.contextmanager
-def together(config: Mapping[str, Any]) -> Iterator[Line]:
+def together(config: Mapping[str, Any]) -> Iterator[ProcessLine]:
     """The line to all other processes of a config, and JAX told of all their devices; ends when all of them are done.
 
-    No process begins before all have come. Where one of them ends early, the block raises UrbanJaxError within the
+    No process begins before all have come. Where one of them ends early, the block raises ProcessError within the
     second; where it computes what cannot be interrupted, the process ends with the same line `LIMIT` seconds later. To
     be entered by the main thread, before JAX touches a device.
 
@@ -62,7 +62,7 @@ def together(config: Mapping[str, Any]) -> Iterator[Line]:
     coordinator, process, processes = _keys(config)
     about = {"processes": processes, "config": {k: v for k, v in config.items() if k not in OWN}}
     about["code"] = directory.git_state()
-    line = Line(process)
+    line = ProcessLine(process)
     with line.signals():
         print(f"process {process} of {processes} meets the others at {coordinator}", flush=True)
         if process:
@@ -111,7 +111,7 @@ def _other(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolve
         print(f"process {resolved['process']} is done; run directory: {theirs}", flush=True)
 
 
-def _keep(line: Line, run: Run) -> None:
+def _keep(line: ProcessLine, run: Run) -> None:
     kept = os.path.relpath(run.directory)
     line.remedy = f"what has been computed is kept in {kept}; start all processes again with resume={kept}"
 
