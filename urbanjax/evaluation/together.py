@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from urbanjax.evaluation.batch import CHUNK, Job, Outcome, outcomes
 from urbanjax.evaluation.parameter_sets import form_of
 from urbanjax.rollout import LoopParams
-from urbanjax.types import host_record
+from urbanjax.types import ProcessError, host_record
 
 
 @host_record
@@ -100,6 +100,8 @@ def _isolated(parts: Sequence[Wanted]) -> Iterator[Came]:
         for one in _driven(parts):
             came.add(one.wanted.key)
             yield one
+    except ProcessError:
+        raise
     except Exception as error:
         left = [part for part in parts if part.key not in came]
         names = dict.fromkeys(part.evaluation for part in left)

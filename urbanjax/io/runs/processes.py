@@ -12,6 +12,7 @@ from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.line import LIMIT, ProcessLine
 from urbanjax.types import ConfigError
 
+Values = Mapping[str, Any]
 KEYS = ("coordinator", "process", "processes")  # of the config of an experiment that can be shared
 OWN = (*KEYS, "resume")  # what may differ between processes
 PATIENCE = 300.0  # s in which all processes come
@@ -87,7 +88,8 @@ def wait_for(files: Sequence[Path], run: Run, *, tick: Callable[[int], None] = l
 
 
 @contextlib.contextmanager
-def _first(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolved: Mapping[str, Any]) -> Iterator[Run]:
+def _first(folder: Path, config: Values, *, seed: Any = None, resolved: Values | None = None) -> Iterator[Run]:
+    resolved = config if resolved is None else resolved
     with together(resolved) as line, directory.record(folder, config, seed=seed, resolved=resolved) as run:
         _keep(line, run)
         line.tell(str(run.directory.resolve()))
@@ -97,8 +99,9 @@ def _first(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolve
 
 
 @contextlib.contextmanager
-def _other(folder: Path, config: Mapping[str, Any], *, seed: Any = None, resolved: Mapping[str, Any]) -> Iterator[Run]:
+def _other(folder: Path, config: Values, *, seed: Any = None, resolved: Values | None = None) -> Iterator[Run]:
     """The run of process 0, until that has ended it."""
+    resolved = config if resolved is None else resolved
     with together(resolved) as line:
         theirs = Path(line.hear())
         if folder.resolve() != theirs:

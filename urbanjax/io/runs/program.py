@@ -14,7 +14,7 @@ from urbanjax.io.runs import compile_cache, interpolation, parameter_file, prese
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
-from urbanjax.types import ConfigError, UrbanJaxError, unread
+from urbanjax.types import ConfigError, ProcessError, UrbanJaxError, unread
 from urbanjax.types import config as configs
 
 T = TypeVar("T")
@@ -69,19 +69,19 @@ class Program(Generic[T]):
         reads here. Args: config, composed; hydra, the part of it that is Hydra's own; keys, typed besides those that it
         says. Raises ConfigError.
         """
-        arguments = [str(text) for text in hydra.overrides.task]
+        arguments: Any = interpolation.plain(hydra.overrides.task, resolve=False)
         folders = [Path(source.path) for source in hydra.runtime.config_sources if source.schema == "file"]
         files = [*presets.named(arguments, folders)][::-1]  # the last one has the last word
         typed_keys = [*typed(arguments), *keys]
         schema = configs.schema(self.params_class)
-        written, resolved = (interpolation.plain(own(config), resolve=resolve) for resolve in (False, True))
-        file = str(resolved.pop(parameter_file.KEY, ""))
-        written.pop(parameter_file.KEY, None)
-        chosen = [*typed_keys, *unread.changed(resolved, schema)]
-        written, resolved = (
-            parameter_file.applied(values, file, keys=typed_keys, valid=schema) for values in (written, resolved)
-        )
         try:
+            written, resolved = (interpolation.plain(own(config), resolve=resolve) for resolve in (False, True))
+            file = str(resolved.pop(parameter_file.KEY, ""))
+            written.pop(parameter_file.KEY, None)
+            chosen = [*typed_keys, *unread.changed(resolved, schema)]
+            written, resolved = (
+                parameter_file.applied(values, file, keys=typed_keys, valid=schema) for values in (written, resolved)
+            )
             params = configs.to_params(self.params_class, resolved, source=self._source(resolved, files))
             unread.check_read(params, [key for key in chosen if key != parameter_file.KEY])
         except ConfigError as error:
@@ -155,7 +155,7 @@ def ends_in_manifest(run: Run) -> Iterator[None]:
         yield
         run.finish(plan.COMPLETE)
     except Exception as error:
-        if is_of_disk(error):
+        if is_of_disk(error) or isinstance(error, ProcessError):
             raise
         fail(run, error)
 

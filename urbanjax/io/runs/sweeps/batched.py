@@ -9,7 +9,7 @@ from urbanjax.io.runs import compile_cache, evaluations, interpolation, processe
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.program import Program, fail, is_of_disk, job_run, own, taken
-from urbanjax.types import ConfigError, host_record
+from urbanjax.types import ConfigError, ProcessError, host_record
 
 
 @host_record
@@ -95,6 +95,6 @@ def _finish(run: Run, evaluation: Evaluation) -> None:
 
 
 def _fail(run: Run, error: Exception) -> None:
-    if is_of_disk(error):
+    if is_of_disk(error) or isinstance(error, ProcessError):
         raise error
     fail(run, error)

@@ -29,7 +29,7 @@ class PlannedJob:
 
 
 @host_record
-class SweepPlan:
+class SweepDesign:
     """What a sweep consists of."""
 
     experiment: str
@@ -58,7 +58,7 @@ class SweepPlan:
 
 def plan_of(
     experiment: str, config: Mapping[str, Any], *, resolved: Any, axes: Sequence[Axis], jobs: Sequence[dict[str, Any]]
-) -> SweepPlan:
+) -> SweepDesign:
     """The plan of a sweep; its name says what it computes: the values of all its jobs, the sources and the versions.
 
     Args: experiment, its name; config, of all jobs, with its interpolations; resolved, all that the jobs' values come
@@ -67,7 +67,7 @@ def plan_of(
     content = [experiment, resolved, list(jobs), code_digest(), versions()]
     name = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:LENGTH]
     named = tuple(PlannedJob(f"{k:05d}", overrides) for k, overrides in enumerate(jobs))
-    return SweepPlan(experiment, name, dict(config), tuple(axes), named)
+    return SweepDesign(experiment, name, dict(config), tuple(axes), named)
 
 
 def status_of(folder: Path) -> str | None:

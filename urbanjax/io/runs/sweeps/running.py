@@ -8,7 +8,7 @@ from typing import Any
 from urbanjax.io.runs import interpolation, parameter_file, program
 from urbanjax.io.runs.processes import KEYS
 from urbanjax.io.runs.sweeps import plan
-from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepPlan
+from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepDesign
 from urbanjax.types import UrbanJaxError
 
 MOST = 300  # characters of an error
@@ -35,7 +35,7 @@ def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tu
 
 
 def run(
-    planned: SweepPlan,
+    planned: SweepDesign,
     folder: Path,
     *,
     launch: Callable[[Sequence[PlannedJob]], None],
