@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.collect.arguments import quoted
 from experiments.collect.axes import is_number
-from experiments.collect.sweeps import SweepJob, at
+from experiments.collect.sweeps import SweepJob, SweepPlan, at
 from urbanjax.io.runs.parameter_file import write_parameters
 from urbanjax.rollout import LoopParams
 from urbanjax.types import config
@@ -31,16 +31,19 @@ def _can_be_written(value: Any) -> bool:
     return all(is_number(v) or isinstance(v, bool) or (isinstance(v, str) and FROM_ELSEWHERE not in v) for v in held)
 
 
-def write_best(path: Path, job: SweepJob, *, scores: Sequence[str], command: str) -> None:
-    """Write the parameter file of a job. Args: path; job; scores in words; command of its sweep."""
+def write_best(path: Path, job: SweepJob, *, scores: Sequence[str], plan: SweepPlan) -> None:
+    """Write the parameter file of a job. Args: path; job; scores in words; plan of its sweep."""
+    import shlex
+
     values = values_of(job)
-    rest = [override(key, value) for key, value in job.overrides.items() if key not in values]
+    rest = [shlex.quote(text) for text in plan.fixed if not text.startswith("params=")]
+    rest += [override(key, value) for key, value in job.overrides.items() if key not in values]
     drive = ["python -m", f"experiments.{job.experiment}", f"params={os.path.relpath(path)}", *rest]
     about = {
         "sweep": job.sweep,
         "job": job.name,
         "score": "; ".join(scores),
-        "sweep's command": command or "-",
+        "sweep's command": plan.command or "-",
         "drive it with": " ".join(drive),
         "code": job.code,
     }

@@ -85,5 +85,5 @@ def _best(part: Collected, run: Run) -> None:
     found = part.evidence.of(best, score.name)
     run.summary(found.flat(f"{part.prefix}best_{score.name}"))
     told = [f"{each.name} {tables.text(part.evidence.of(best, each.name))}" for each in part.scores]
-    command = next(plan.command for plan in part.plans if plan.name == best.sweep)
-    write_best(run.path(f"{part.prefix}best.yaml"), best, scores=told, command=command)
+    plan = next(plan for plan in part.plans if plan.name == best.sweep)
+    write_best(run.path(f"{part.prefix}best.yaml"), best, scores=told, plan=plan)

@@ -21,6 +21,7 @@ class SweepPlan:
     experiment: str
     code: str  # hash of the sources
     command: str
+    fixed: tuple[str, ...]  # overrides of all jobs, as typed
     versions: Mapping[str, Any]
     config: Mapping[str, Any]  # nested, of all jobs but for their overrides
     axes: Mapping[str, Mapping[str, Any]]  # by dotted key: kind, values, log
@@ -116,6 +117,7 @@ def plan_of(folder: Path) -> SweepPlan:
         folder=folder,
         experiment=_of(path, plan, "experiment", str),
         command=str(plan.get("command") or ""),
+        fixed=tuple(map(str, plan.get("fixed") or ())),
         versions=_of(path, plan, "versions", dict, {}),
         config=_of(path, plan, "config", dict, {}),
         axes={key: axis for key, axis in _of(path, plan, "axes", dict, {}).items() if isinstance(axis, dict)},

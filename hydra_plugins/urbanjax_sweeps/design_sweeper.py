@@ -37,7 +37,9 @@ class DesignSweeper(Sweeper):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Keep what Hydra says. Args: hydra_context; task_function, a `Program`; config, of the whole sweep."""
-        self.context, self.program, self.config = hydra_context, task_function, config
+        self.context: Any = hydra_context
+        self.program: Any = task_function
+        self.config: Any = config
 
     def sweep(self, arguments: list[str]) -> None:
         """Do what is left of the sweep, and report. Raises UrbanJaxError in the end where jobs have failed."""
@@ -50,7 +52,8 @@ class DesignSweeper(Sweeper):
         jobs = axes.jobs_of(found)
         base, resolved = running.configs_of(self.program, self.config, keys=list(asked))
         groups = {key: self._composed(fixed, key, asked[key]) for key in asked if key in running.GROUPS}
-        planned = plan.plan_of(self.program.name, base, resolved=[resolved, groups], axes=found, jobs=jobs)
+        content = [resolved, groups]
+        planned = plan.plan_of(self.program.name, base, resolved=content, axes=found, jobs=jobs, fixed=fixed)
         folder = Path(self.config.hydra.sweep.dir) / planned.sweep
 
         def overrides(job: plan.PlannedJob) -> list[str]:

@@ -30,7 +30,9 @@ class VmapLauncher(Launcher):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Keep what Hydra says. Args: hydra_context; task_function, a `Program`; config, of the whole sweep."""
-        self.context, self.program, self.config = hydra_context, task_function, config
+        self.context: Any = hydra_context
+        self.program: Any = task_function
+        self.config: Any = config
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Do the jobs. Args: job_overrides, KEY=VALUE of each; initial_job_idx, the number of the first one.

@@ -14,6 +14,7 @@ from urbanjax.io.runs import compile_cache, interpolation, parameter_file, prese
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
+from urbanjax.io.runs.sweeps.axes import stands_for_several
 from urbanjax.types import ConfigError, ProcessError, UrbanJaxError, unread
 from urbanjax.types import config as configs
 
@@ -117,6 +118,9 @@ class Program(Generic[T]):
 
     def _single(self, folder: Path, config: Any, hydra: Any) -> None:
         try:  # ends the program from inside: what leaves a Hydra job as an exception is reported by Hydra too
+            for text in map(str, interpolation.plain(hydra.overrides.task, resolve=False)):
+                if stands_for_several(text.partition("=")[2]):
+                    raise ConfigError(f"{text}: stands for several values; add -m to sweep over them")
             asked = self.read(config, hydra)
             record, seed = processes.recorder(asked.resolved), asked.written.get("seed")
             with (

@@ -37,6 +37,7 @@ class SweepDesign:
     config: dict[str, Any]  # of all jobs, before their overrides
     axes: tuple[Axis, ...]
     jobs: tuple[PlannedJob, ...]
+    fixed: tuple[str, ...] = ()  # overrides of all jobs, as typed
 
     def write(self, folder: Path) -> None:
         """Write the plan into the sweep's directory, where there is none. Args: folder, the directory."""
@@ -50,6 +51,7 @@ class SweepDesign:
             "code": code_digest(),
             "versions": versions(),
             "axes": axes,
+            "fixed": list(self.fixed),
             "jobs": [{"name": one.name, "overrides": one.overrides} for one in self.jobs],
             "config": self.config,
         }
@@ -57,17 +59,23 @@ class SweepDesign:
 
 
 def plan_of(
-    experiment: str, config: Mapping[str, Any], *, resolved: Any, axes: Sequence[Axis], jobs: Sequence[dict[str, Any]]
+    experiment: str,
+    config: Mapping[str, Any],
+    *,
+    resolved: Any,
+    axes: Sequence[Axis],
+    jobs: Sequence[dict[str, Any]],
+    fixed: Sequence[str] = (),
 ) -> SweepDesign:
     """The plan of a sweep; its name says what it computes: the values of all its jobs, the sources and the versions.
 
     Args: experiment, its name; config, of all jobs, with its interpolations; resolved, all that the jobs' values come
-    from besides their overrides; axes; jobs, the overrides of each.
+    from besides their overrides; axes; jobs, the overrides of each; fixed, those of all, as typed.
     """
     content = [experiment, resolved, list(jobs), code_digest(), versions()]
     name = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:LENGTH]
     named = tuple(PlannedJob(f"{k:05d}", overrides) for k, overrides in enumerate(jobs))
-    return SweepDesign(experiment, name, dict(config), tuple(axes), named)
+    return SweepDesign(experiment, name, dict(config), tuple(axes), named, tuple(fixed))
 
 
 def status_of(folder: Path) -> str | None:
