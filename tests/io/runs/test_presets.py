@@ -60,7 +60,7 @@ def test_a_broken_file_is_named_with_the_place_and_the_remedy(home, run, name):
         (["hydra/launcher=zzz"], "there is no hydra/launcher=zzz: use one of basic"),
         (["hydra.job.nope=1"], "unknown key 'hydra.job.nope' on the command line; --cfg hydra shows those"),
         (["hydra.run.dir=${nope}"], "'hydra.run.dir': Interpolation key 'nope' not found; name"),
-        (["hydra.run.dir=/proc/x"], "/proc/x: No such file or directory; give another folder as hydra.run.dir=DIR"),
+        (["hydra.run.dir=/proc/x"], "/proc/x: No such file or directory; name another folder with hydra.run.dir=DIR"),
         (["seed=${oc.env:NOT_SET}"], "'seed': the environment has no NOT_SET; set it, or give a default"),
         (["preset=fast,short"], "preset=fast,short gives several values: add -m to run with each, or write the list"),
         (["preset="], "there is no preset '': use one of "),

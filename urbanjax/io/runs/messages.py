@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from urbanjax.io.runs import interpolation, presets
+from urbanjax.io.runs.disk import of_disk
 from urbanjax.types import ConfigError
 from urbanjax.types import config as configs
 
@@ -58,7 +59,7 @@ def message_of(error: Exception, tree: Mapping[str, Any], *, folders: Sequence[P
     if isinstance(error, OmegaConfBaseException):
         return interpolation.unresolved(error)
     if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror}; give another folder as hydra.run.dir=DIR"
+        return of_disk(error, Path(error.filename))
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else None
     return " ".join([lines[0], interpolation.unresolved(cause) if cause else ""]).strip()
 

@@ -1,17 +1,16 @@
 """An experiment as Hydra calls it: one run, or one job of a sweep."""
 
 import contextlib
-import errno
-import os
 import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeGuard, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from urbanjax.io.runs import compile_cache, interpolation, parameter_file, presets, processes
 from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.disk import is_of_disk, of_disk
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.axes import stands_for_several
@@ -21,7 +20,6 @@ from urbanjax.types import config as configs
 T = TypeVar("T")
 Body = Callable[[T, Run], None]
 CONFIG_EXIT = 2
-UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
 
 class Asked(NamedTuple):
@@ -183,20 +181,6 @@ def own(config: Any) -> Any:
 def typed(overrides: Iterable[str]) -> list[str]:
     """The keys that somebody typed. Args: overrides, KEY=VALUE."""
     return [text.partition("=")[0].lstrip("+~") for text in overrides]
-
-
-def is_of_disk(error: BaseException) -> TypeGuard[OSError]:
-    """Whether it says that nothing can be written: a disk is full or a folder read-only. Args: error."""
-    return isinstance(error, OSError) and error.errno in UNWRITABLE
-
-
-def of_disk(error: OSError, folder: Path) -> str:
-    """What is said of it. Args: error; folder, into which was written."""
-    what = os.strerror(error.errno) if error.errno else str(error)
-    return (
-        f"{error.filename or folder}: {what}; make room there, or name another folder with hydra.run.dir or "
-        "hydra.sweep.dir; what is written already is kept"
-    )
 
 
 def stop(message: str) -> None:

@@ -7,8 +7,9 @@ from typing import Any
 
 from urbanjax.io.runs import compile_cache, evaluations, interpolation, processes
 from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.disk import is_of_disk
 from urbanjax.io.runs.evaluations import Evaluation
-from urbanjax.io.runs.program import Program, fail, is_of_disk, job_run, own, taken
+from urbanjax.io.runs.program import Program, fail, job_run, own, taken
 from urbanjax.types import ConfigError, ProcessError, host_record
 
 

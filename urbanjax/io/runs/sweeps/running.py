@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from urbanjax.io.runs import interpolation, parameter_file, program
+from urbanjax.io.runs.disk import is_of_disk, of_disk
 from urbanjax.io.runs.processes import KEYS
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepDesign
@@ -83,7 +84,7 @@ def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[Pla
         raise
     except Exception as error:
         said = " ".join(str(error).split())[:MOST]
-        return program.of_disk(error, folder) if program.is_of_disk(error) else f"{type(error).__name__}: {said}"
+        return of_disk(error, folder) if is_of_disk(error) else f"{type(error).__name__}: {said}"
     return ""
 
 
@@ -92,9 +93,9 @@ def _reported(report: Callable[[Path], Any], folder: Path) -> str:
     try:
         report(folder)
     except OSError as error:
-        if not program.is_of_disk(error):
+        if not is_of_disk(error):
             raise
-        return program.of_disk(error, folder)
+        return of_disk(error, folder)
     return ""
 
 
