@@ -38,11 +38,13 @@ class MissionDrives:
         stamp = stamp if run.swept else stamp | {"code": git_state()}  # a sweep's directory is named by its sources
         self._source = str(run.directory) if run.swept and (run.path("rows") / study.STAMP).exists() else params.resume
         self._rows = self._with_logs(study.known(self._source, stamp))
-        self._known = set(self._rows)
         for name in ("rows", drive_logs.FOLDER) if params.logs else ("rows",):
             run.path(name).mkdir(exist_ok=True)
-        if not params.process:
-            write_atomically(run.path("rows") / study.STAMP, json.dumps(stamp))
+        if params.process:
+            return
+        write_atomically(run.path("rows") / study.STAMP, json.dumps(stamp))
+        for part, rows in self._rows.items() if self._source != str(run.directory) else ():
+            self._write(part, rows, [])  # so that this run too can be gone on with
 
     def missing(self) -> dict[str, Batch]:
         """This process' share of what is to be driven."""
@@ -67,8 +69,6 @@ class MissionDrives:
         if files:
             print(f"waiting for {len(files)} parts of other processes", flush=True)
             processes.wait_for(list(files.values()), self.run)
-        for name in self._known if self._source != str(self.run.directory) else ():
-            self._write(name, self._rows[name], [])
         return [row for name in self._parts for row in self._rows.get(name) or study.rows_in(files[name])]
 
     def expected(self) -> list[tuple]:

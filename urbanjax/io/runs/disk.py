@@ -19,6 +19,6 @@ def of_disk(error: OSError, folder: Path) -> str:
     what = os.strerror(error.errno) if error.errno else str(error)
     room = "make room there, or " if error.errno in FULL else ""
     return (
-        f"{error.filename or folder}: {what}; {room}name another folder with hydra.run.dir=DIR (or hydra.sweep.dir=DIR); "
-        "what is written already is kept"
+        f"{error.filename or folder}: {what}; {room}name another folder with hydra.run.dir=DIR or "
+        "hydra.sweep.dir=DIR; what is written already is kept"
     )
