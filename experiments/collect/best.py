@@ -37,7 +37,7 @@ def write_best(path: Path, job: SweepJob, *, scores: Sequence[str], plan: SweepP
 
     values = values_of(job)
     rest = [shlex.quote(text) for text in plan.fixed if not text.startswith("params=")]
-    rest += [override(key, value) for key, value in job.overrides.items() if key not in values]
+    rest += [override(key, value) for key, value in job.overrides.items() if key not in (*values, "params")]
     drive = ["python -m", f"experiments.{job.experiment}", f"params={os.path.relpath(path)}", *rest]
     about = {
         "sweep": job.sweep,

@@ -132,11 +132,11 @@ def differences(
     """The best job less others, drive by drive from the same starts. Args: best; rest by who they are; axes; ..."""
     out: Columns = {"the best job less": list(rest), "job": [job.title for job in rest.values()]}
     out["its values"] = [setting(job, axes) for job in rest.values()]
-    key = [axis.key for axis in axes if axis.varies and best.value(axis.key)]
+    key = [axis.key for axis in axes if axis.varies]
     for score in scores:
         found = [evidence.difference([(best, job)], score.name, axis=_apart(best, job, key)) for job in rest.values()]
         out[score.name] = [text(less) if pairs else None for less, pairs in found]
-        out["pairs of drives"] = [pairs for _, pairs in found]
+        out[f"pairs ({score.name})"] = [pairs for _, pairs in found]
     return out
 
 

@@ -1,6 +1,7 @@
 """Drive, and keep rows and logs part by part, so that a run that is cut off can go on."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -106,8 +107,9 @@ class MissionDrives:
             drive_logs.write_logs(logs, rows[0]["driver"], outcomes=list(ended), vehicle=self.params.vehicle)
         elif self.params.logs:
             shutil.copyfile(Path(self._source) / drive_logs.FOLDER / logs.name, logs)
-        pyarrow.parquet.write_table(pyarrow.table(tables.columns(rows)), f"{file}.part")
-        Path(f"{file}.part").rename(file)
+        part_file = Path(f"{file}.{os.getpid()}.part")
+        pyarrow.parquet.write_table(pyarrow.table(tables.columns(rows)), part_file)
+        part_file.rename(file)
 
 
 def drive(found: MissionDrives) -> tuple[Rows, int, float]:

@@ -52,7 +52,7 @@ class DesignSweeper(Sweeper):
         jobs = axes.jobs_of(found)
         base, resolved = running.configs_of(self.program, self.config, keys=list(asked))
         groups = {key: self._composed(fixed, key, asked[key]) for key in asked if key in running.GROUPS}
-        content = [resolved, groups]
+        content = [resolved, groups, dict(self.params), running.contents_of(found)]
         planned = plan.plan_of(self.program.name, base, resolved=content, axes=found, jobs=jobs, fixed=fixed)
         folder = Path(self.config.hydra.sweep.dir) / planned.sweep
 
@@ -86,27 +86,30 @@ class DesignSweeper(Sweeper):
     def _asked(self, arguments: Sequence[str]) -> tuple[list[str], dict[str, list[tuple[Any, str]]]]:
         """What is the same in all jobs, as typed, and the values of each key with what stands for them."""
         from urbanjax.io.runs.sweeps.axes import stands_for_several
+        from urbanjax.types import ConfigError
 
         parser = OverridesParser.create(config_loader=self.context.config_loader)
         fixed: dict[str, str] = {}
         asked: dict[str, list[tuple[Any, str]]] = {}
         for one in parser.parse_overrides(list(arguments)):
-            key = one.get_key_element()
+            key = one.key_or_group
             fixed.pop(key, None)
             asked.pop(key, None)
             if one.is_sweep_override() or stands_for_several(one.value()):
+                if "shuffle(" in str(one.input_line):
+                    raise ConfigError(f"{one.input_line}: the order of jobs says nothing; leave shuffle() out")
                 asked[key] = [(parser.parse_override(f"{key}={text}").value(), text) for text in _texts(one)]
             else:
-                fixed[key] = f"{key}={one.get_value_element_as_str()}" if not one.is_delete() else str(one.input_line)
+                fixed[key] = str(one.input_line)
         return list(fixed.values()), asked
 
     def _composed(self, fixed: Sequence[str], key: str, values: Sequence[tuple[Any, str]]) -> dict[str, Any]:
         """What every choice of a config group comes to, by its name."""
-        from urbanjax.io.runs import interpolation, program
+        from urbanjax.io.runs.sweeps.running import content_of
 
         load = self.context.config_loader.load_sweep_config
         composed = {text: load(self.config, [*fixed, f"{key}={text}"]) for _, text in values}
-        return {text: interpolation.plain(program.own(one), resolve=True) for text, one in composed.items()}
+        return {text: content_of(one) for text, one in composed.items()}
 
 
 def _texts(override: Override) -> Iterator[str]:

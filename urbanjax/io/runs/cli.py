@@ -101,7 +101,7 @@ def _about(name: str) -> str:
 
 def _plugins(program: Program) -> list[dict[str, str]]:
     """Sweeper and launcher of the project, where they are there: the experiments' folder holds them, no wheel does."""
-    if importlib.util.find_spec("hydra_plugins.urbanjax_sweeps") is None:
+    if not importlib.util.find_spec("hydra_plugins") or not importlib.util.find_spec("hydra_plugins.urbanjax_sweeps"):
         return []
     launcher = [{"override hydra/launcher": "vmap"}] if program.evaluation else []
     return [{"override hydra/sweeper": "design"}, *launcher]
@@ -109,4 +109,5 @@ def _plugins(program: Program) -> list[dict[str, str]]:
 
 def _is_own(error: Exception) -> bool:
     """Whether an error comes out of the experiment itself and not out of what reads its configuration."""
-    return any(frame.f_code is Program.__call__.__code__ for frame, _ in traceback.walk_tb(error.__traceback__))
+    called = inspect.unwrap(Program.__call__).__code__  # checks of types may be wrapped around it
+    return any(frame.f_code is called for frame, _ in traceback.walk_tb(error.__traceback__))

@@ -1,13 +1,16 @@
 """Experiments that evaluate, one or many at once: what each drives, what it keeps of it, what it makes of that."""
 
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 from urbanjax.evaluation.batch import Outcome
-from urbanjax.evaluation.together import Batch, Wanted, together
+from urbanjax.evaluation.together import Batch, Came, Wanted, together
 from urbanjax.io.runs import progress
 from urbanjax.io.runs.background import background
+from urbanjax.io.runs.disk import is_of_disk
+from urbanjax.types import ProcessError
 
 Later = Callable[[Callable[[], None]], None]
 
@@ -48,15 +51,34 @@ def evaluate(
             name, part = str(came.wanted.evaluation), came.wanted.part
             if name not in left:
                 continue  # it has failed
-            if came.error is None:
-                evaluations[name].take(part, came.outcomes, later)
-                del left[name][part]
-            if came.error is not None or not left[name]:
+            error = came.error or _taken(evaluations[name], came, later)
+            del left[name][part]
+            if error is not None or not left[name]:
                 del left[name]
-                ended(name, came.error)
+                _written(later)
+                ended(name, error)
             count += len(came.wanted.jobs)
             tick(_paced(part, count, total, time.perf_counter() - began), count / total)
     return count, time.perf_counter() - began
+
+
+def _taken(evaluation: Evaluation, came: Came, later: Later) -> Exception | None:
+    """Keep what came of a part; returns what that raises, but for a disk that takes nothing any more."""
+    try:
+        evaluation.take(came.wanted.part, came.outcomes, later)
+    except Exception as error:
+        if is_of_disk(error) or isinstance(error, ProcessError):
+            raise
+        return error
+    return None
+
+
+def _written(later: Later) -> None:
+    """Wait until all is written that was kept so far: what is called complete has to be there."""
+    done = threading.Event()
+    later(done.set)
+    done.wait()
+    later(lambda: None)  # raises what a call before has raised
 
 
 def _paced(part: str, count: int, total: int, passed: float) -> str:

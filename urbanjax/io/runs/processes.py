@@ -10,11 +10,12 @@ from typing import Any
 from urbanjax.io.runs import directory, meeting
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.line import LIMIT, ProcessLine
-from urbanjax.types import ConfigError
+from urbanjax.types import ConfigError, UrbanJaxError
 
 Values = Mapping[str, Any]
 KEYS = ("coordinator", "process", "processes")  # of the config of an experiment that can be shared
 OWN = (*KEYS, "resume")  # what may differ between processes
+FAILURES = "failed_in_process_*.txt"
 PATIENCE = 300.0  # s in which all processes come
 PAUSE = 0.2  # s between two looks at the disk
 
@@ -38,6 +39,18 @@ def shared(config: Mapping[str, Any]) -> bool:
 def follows(config: Mapping[str, Any]) -> bool:
     """Whether this is not the first process, which writes what all have found. Args: config, of the run."""
     return _keys(config)[1] > 0
+
+
+def tell_failure(run: Run, error: Exception) -> None:
+    """Say in the directory of a run why this process has nothing of its share. Args: run; error, that it raised."""
+    path = run.path(FAILURES.replace("*", str(_keys(run.resolved)[1])))
+    directory.write_atomically(path, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def forget_failures(folder: Path) -> None:
+    """Remove what processes of an earlier try have said. Args: folder, of a run."""
+    for path in folder.glob(FAILURES):
+        path.unlink(missing_ok=True)
 
 
 def recorder(values: Mapping[str, Any]) -> Callable:
@@ -79,10 +92,13 @@ def together(config: Mapping[str, Any]) -> Iterator[ProcessLine]:
 def wait_for(files: Sequence[Path], run: Run, *, tick: Callable[[int], None] = lambda count: None) -> None:
     """Wait until all files of a run are there; it is `together` that raises where nobody is left to write them.
 
-    Args: files, that other processes write; run, to which they belong; tick, told how many are missing.
+    Args: files, that other processes write; run, to which they belong; tick, told how many are missing. Raises
+    UrbanJaxError where another process has said that it has failed.
     """
     missing = list(files)
     while missing := [path for path in missing if not path.exists()]:
+        for path in run.directory.glob(FAILURES):
+            raise UrbanJaxError(path.read_text("utf-8"))
         tick(len(missing))
         time.sleep(PAUSE)
 

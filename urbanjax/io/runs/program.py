@@ -20,6 +20,7 @@ from urbanjax.types import config as configs
 T = TypeVar("T")
 Body = Callable[[T, Run], None]
 CONFIG_EXIT = 2
+TRACEBACK = "traceback.txt"  # of a job that has raised what it should not
 
 
 class Asked(NamedTuple):
@@ -75,7 +76,7 @@ class Program(Generic[T]):
         schema = configs.schema(self.params_class)
         try:
             written, resolved = (interpolation.plain(own(config), resolve=resolve) for resolve in (False, True))
-            file = str(resolved.pop(parameter_file.KEY, ""))
+            file = str(resolved.pop(parameter_file.KEY, "") or "")
             written.pop(parameter_file.KEY, None)
             chosen = [*typed_keys, *unread.changed(resolved, schema)]
             written, resolved = (
@@ -110,8 +111,9 @@ class Program(Generic[T]):
                         raise ConfigError("several processes share the jobs of hydra/launcher=vmap, of no other one")
                     with compile_cache.kept(run, anew=self.anew):
                         self.body(asked.params, run)
-        except OSError as error:
-            print(f"job {folder.name}: {of_disk(error, folder)}", file=sys.stderr, flush=True)
+        except Exception as error:  # an engine may keep it to itself
+            said = of_disk(error, folder) if is_of_disk(error) else " ".join(str(error).split())
+            print(f"job {folder.name}: {said}", file=sys.stderr, flush=True)
             raise
 
     def _single(self, folder: Path, config: Any, hydra: Any) -> None:
@@ -138,7 +140,13 @@ def job_run(folder: Path, config: Any) -> Run:
     """The run of a job, in the directory that the sweep has for it. Args: folder, the directory; config, composed."""
     sweep, planned = plan.job_in(folder)
     about = {"sweep": sweep, "job": planned.name, "overrides": planned.overrides}
-    return Run(folder, interpolation.plain(own(config), resolve=False), job=about)
+    (folder / TRACEBACK).unlink(missing_ok=True)
+    written = interpolation.plain(own(config), resolve=False)
+    try:
+        resolved = interpolation.plain(own(config), resolve=True)
+    except ConfigError:  # which the job itself will tell
+        resolved = written
+    return Run(folder, written, job=about, resolved=resolved)
 
 
 def taken(run: Run, asked: Asked) -> Asked:
@@ -165,8 +173,10 @@ def ends_in_manifest(run: Run) -> Iterator[None]:
 def fail(run: Run, error: Exception) -> None:
     """Say in the manifest of a job why there is nothing of it. Args: run, of the job; error, what was raised."""
     if not isinstance(error, UrbanJaxError):
-        run.path("traceback.txt").write_text("".join(traceback.format_exception(error)), encoding="utf-8")
-    said = " ".join(str(error).split())
+        told = "".join(traceback.format_exception(error))
+        told = interpolation.hidden(told, run.config, resolved=run.resolved)
+        run.path(TRACEBACK).write_text(told, encoding="utf-8")
+    said = interpolation.hidden(" ".join(str(error).split()), run.config, resolved=run.resolved)
     run.finish(plan.FAILED, f"{type(error).__name__}: {said}")
     print(f"job {run.directory.name} failed: {said or type(error).__name__}", file=sys.stderr, flush=True)
 

@@ -103,6 +103,8 @@ def _axis(key: str, values: Sequence[Any]) -> Axis | _Range:
     """One key; the only value of a sample's key is its range until all of them are known."""
     if not values:
         raise ConfigError(f"'{key}' has no values to sweep over: give at least one")
+    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        raise ConfigError(f"'{key}' has a value that is not finite: leave it out")
     ranges = [_range(key, value) for value in values]
     if len(values) == 1 and (one := ranges[0]) is not None:
         return one if one.kind in SAMPLES else Axis(key, one.kind, tuple(_grid(one)), one.log)
@@ -124,6 +126,8 @@ def _range(key: str, value: Any) -> _Range | None:
         raise ConfigError(f"{key}={value}: write {FORM}") from error
     if len(rest) != 3 + log or count < 1 or not math.isfinite(low) or not math.isfinite(high):
         raise ConfigError(f"{key}={value}: write {FORM}")
+    if count > MOST:
+        raise ConfigError(f"{key}={value}: more than {MOST} values: ask fewer")
     log = log or kind == "logspace"
     if low >= high and (count > 1 or low > high):
         raise ConfigError(f"{key}={value}: {rest[0]} is not below {rest[1]}: write the smaller end first")

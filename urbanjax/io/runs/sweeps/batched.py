@@ -54,6 +54,8 @@ def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
     if not processes.shared(config):
         _do(program, jobs)
         return
+    for job in jobs if not processes.follows(config) else ():
+        processes.forget_failures(job.folder)
     with processes.together(config) as line:
         line.remedy = "what has been computed is kept; start all processes again with the same command"
         _do(program, jobs)
@@ -98,4 +100,7 @@ def _finish(run: Run, evaluation: Evaluation) -> None:
 def _fail(run: Run, error: Exception) -> None:
     if is_of_disk(error) or isinstance(error, ProcessError):
         raise error
-    fail(run, error)
+    if processes.follows(run.resolved):
+        processes.tell_failure(run, error)
+    else:
+        fail(run, error)

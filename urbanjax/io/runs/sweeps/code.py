@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+import os
 from importlib import metadata
 from pathlib import Path
 
@@ -19,6 +20,11 @@ def code_digest() -> str:
             digest.update(f"{path.relative_to(ROOT).as_posix()} {len(text)}\n".encode())
             digest.update(text)
     return digest.hexdigest()
+
+
+def settings() -> dict[str, str]:
+    """What the environment says of where and how precisely JAX computes."""
+    return {name: os.environ.get(name, "") for name in ("JAX_PLATFORMS", "JAX_ENABLE_X64")}
 
 
 def versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from urbanjax.io.runs.directory import write_atomically
 from urbanjax.io.runs.sweeps.axes import Axis
-from urbanjax.io.runs.sweeps.code import code_digest, versions
+from urbanjax.io.runs.sweeps.code import code_digest, settings, versions
 from urbanjax.types import ConfigError, FileError, UrbanJaxError, host_record
 
 FILE, LOCK, MANIFEST = "sweep.json", ".lock", "manifest.json"
@@ -72,7 +72,7 @@ def plan_of(
     Args: experiment, its name; config, of all jobs, with its interpolations; resolved, all that the jobs' values come
     from besides their overrides; axes; jobs, the overrides of each; fixed, those of all, as typed.
     """
-    content = [experiment, resolved, list(jobs), code_digest(), versions()]
+    content = [experiment, resolved, list(jobs), code_digest(), versions(), settings()]
     name = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:LENGTH]
     named = tuple(PlannedJob(f"{k:05d}", overrides) for k, overrides in enumerate(jobs))
     return SweepDesign(experiment, name, dict(config), tuple(axes), named, tuple(fixed))
@@ -82,7 +82,7 @@ def status_of(folder: Path) -> str | None:
     """How a job ended, None where it has not. Args: folder, its directory."""
     try:
         return json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["status"]
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
 
 

@@ -9,6 +9,7 @@ from urbanjax.io.runs import interpolation, parameter_file, program
 from urbanjax.io.runs.disk import is_of_disk, of_disk
 from urbanjax.io.runs.processes import KEYS
 from urbanjax.io.runs.sweeps import plan
+from urbanjax.io.runs.sweeps.axes import Axis
 from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepDesign
 from urbanjax.types import UrbanJaxError
 
@@ -28,11 +29,23 @@ def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tu
     for key in keys:
         if key not in GROUPS and OmegaConf.select(own, key, throw_on_missing=False) is not None:
             OmegaConf.update(own, key, None, force_add=True)
-    raw = interpolation.plain(own, resolve=False)
-    resolved = {name: value for name, value in interpolation.plain(own, resolve=True).items() if name not in APART}
-    if file := resolved.get(parameter_file.KEY):
-        resolved[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
-    return raw, resolved
+    return interpolation.plain(own, resolve=False), content_of(own)
+
+
+def content_of(config: Any) -> dict[str, Any]:
+    """The values of a config that its results depend on, with those of its parameter file. Args: config, composed."""
+    values = interpolation.plain(program.own(config), resolve=True)
+    found = {name: value for name, value in values.items() if name not in APART}
+    if file := found.get(parameter_file.KEY):
+        found[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
+    return found
+
+
+def contents_of(axes: Sequence[Axis]) -> dict[str, Any]:
+    """What swept values stand for: interpolations, and the values in parameter files. Args: axes."""
+    found = interpolation.resolved({axis.key: list(axis.values) for axis in axes})
+    files = found.get(parameter_file.KEY, ())
+    return found | {parameter_file.KEY: [parameter_file.read_parameters(Path(file)) for file in files if file]}
 
 
 def run(
@@ -58,10 +71,12 @@ def run(
         done = f", {len(planned.jobs) - len(left)} of them done before" if len(left) < len(planned.jobs) else ""
         print(f"sweep {planned.sweep}: {len(planned.jobs)} jobs{done}, in {folder}", flush=True)
         error = _launched(launch, left, folder)
-        if first:
-            error = error or _reported(report, folder)
+        unreported = _reported(report, folder) if first else ""
     if not first:
+        if error:
+            raise UrbanJaxError(f"process {process}: {error}")
         return
+    error = "; ".join(filter(None, (error, unreported)))
     states = {job.name: plan.status_of(folder / job.name) for job in planned.jobs}
     failed = [name for name, state in states.items() if state == plan.FAILED]
     missing = [name for name, state in states.items() if state is None]
@@ -70,8 +85,8 @@ def run(
         told += [f"{len(missing)} are missing ({_some(missing)})"] * bool(missing)
         why = f" [{error}]" if error else ""
         raise UrbanJaxError(
-            f"of {len(states)} jobs {' and '.join(told) or 'all are done'}{why}; the same command goes on with them, "
-            f"{folder}/report.html says why"
+            f"of {len(states)} jobs {' and '.join(told) or 'all are done'}{why}; the same command goes on with them"
+            + ("" if unreported else f", {folder}/report.html says why")
         )
 
 
