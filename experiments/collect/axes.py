@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from experiments.collect.sweeps import SweepJob, SweepPlan
+from urbanjax.io.runs.processes import OWN
 from urbanjax.types import host_record
 from urbanjax.types.unread import changed
 
 SAMPLED = ("sobol", "lhs")
-APART = ("worst", "resume", "logs", "coordinator", "process", "processes", "dirs")  # they change no number
+APART = (*OWN, "worst", "logs", "dirs")  # they change no number
 LONGEST = 28  # characters of a value in a label
 
 

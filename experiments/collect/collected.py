@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from experiments.collect.axes import SweepAxis
 from experiments.collect.scores import Evidence, SweepScore, chosen, ranked
 from experiments.collect.study import CollectStudy
-from experiments.collect.sweeps import COMPLETE, SweepJob, SweepPlan
+from experiments.collect.sweeps import SweepJob, SweepPlan
+from urbanjax.io.runs.directory import COMPLETE
 from urbanjax.types import host_record
 
 

@@ -9,7 +9,6 @@ from experiments.collect.best import write_best
 from experiments.collect.collected import Collected, collected
 from experiments.collect.study import CollectStudy
 from experiments.collect.sweeps import (
-    COMPLETE,
     SweepCoverage,
     SweepJob,
     SweepPlan,
@@ -20,7 +19,7 @@ from experiments.collect.sweeps import (
     unique,
 )
 from urbanjax.io.runs import progress, report
-from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.directory import COMPLETE, FAILED, Run
 
 SHOWN = 5  # jobs in the terminal
 
@@ -40,7 +39,7 @@ def write_sweep(folder: Path) -> SweepCoverage:
     seed = plan.config.get("seed")
     run = Run(folder, plan.config, seed if isinstance(seed, int) else None, again=True)
     found = _write(CollectStudy(), run, [plan], f"Sweep {plan.name} of {plan.experiment}")
-    run.finish(COMPLETE if found.whole else "failed", None if found.whole else found.text)
+    run.finish(COMPLETE if found.whole else FAILED, None if found.whole else found.text)
     return found
 
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from experiments.collect.axes import is_number
 from experiments.collect.study import CollectStudy
-from experiments.collect.sweeps import COMPLETE, SweepJob
+from experiments.collect.sweeps import SweepJob
 from experiments.common.scenes import base, scenes
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.statistics import WithInterval
+from urbanjax.io.runs.directory import COMPLETE
 from urbanjax.types import ConfigError, config, host_record
 
 START = ("driver", "traffic", "localization", "mission", "seed")  # what a drive is one of

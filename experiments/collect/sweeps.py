@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from urbanjax.io import files
+from urbanjax.io.runs.directory import COMPLETE, FAILED, MANIFEST
+from urbanjax.io.runs.sweeps.plan import FILE
 from urbanjax.types import ConfigError, FileError, host_record
 
-PLAN, MANIFEST = "sweep.json", "manifest.json"
-COMPLETE, FAILED, MISSING = "complete", "failed", "missing"
+MISSING = "missing"
 
 
 @host_record
@@ -94,17 +95,17 @@ def sweeps_in(directories: Sequence[str]) -> list[SweepPlan]:
 def _folders(directory: Path) -> Iterator[Path]:
     if not directory.is_dir():
         raise ConfigError(f"dirs: there is no directory {directory}")
-    found = [directory] if (directory / PLAN).is_file() else sorted(path.parent for path in directory.glob(f"*/{PLAN}"))
+    found = [directory] if (directory / FILE).is_file() else sorted(path.parent for path in directory.glob(f"*/{FILE}"))
     if not found:
         raise ConfigError(
-            f"dirs: {directory} is no sweep and no folder of sweeps: there is no {PLAN} in it or below it"
+            f"dirs: {directory} is no sweep and no folder of sweeps: there is no {FILE} in it or below it"
         )
     return iter(found)
 
 
 def plan_of(folder: Path) -> SweepPlan:
     """The plan of a sweep. Args: folder of it. Raises FileError, naming the file, for what is none."""
-    path = folder / PLAN
+    path = folder / FILE
     plan = _read(path)
     jobs = [_planned(path, job) for job in _of(path, plan, "jobs", list)]
     if not jobs:

@@ -10,8 +10,9 @@ from experiments.collect.axes import SweepAxis, is_number, setting, shown
 from experiments.collect.responses import ResponsePoint
 from experiments.collect.scores import Evidence, SweepScore
 from experiments.collect.sensitivity import AxisIndex
-from experiments.collect.sweeps import COMPLETE, SweepJob, SweepPlan
+from experiments.collect.sweeps import SweepJob, SweepPlan
 from urbanjax.evaluation.statistics import WithInterval
+from urbanjax.io.runs.directory import COMPLETE
 
 Columns = dict[str, list[Any]]
 ABOUT = ("experiment", "sweep", "job", "status", "error")

@@ -17,8 +17,6 @@ from urbanjax.io.runs import drive_logs, evaluations, processes
 from urbanjax.io.runs.directory import Run, digest, git_state, write_atomically
 from urbanjax.types import ConfigError
 
-APART = ("resume", *processes.KEYS)  # keys that change nothing in the rows
-
 
 class MissionDrives:
     """The drives of one evaluation in the run's directory, and the rows that come of them."""
@@ -32,7 +30,7 @@ class MissionDrives:
         self.batches = study.batches(params, self.asked)
         self._parts = {part: batch for batch in self.batches for part in batch.parts}
         config, resolved = (
-            {name: value for name, value in values.items() if name not in APART}
+            {name: value for name, value in values.items() if name not in processes.OWN}
             for values in (run.config, run.resolved)
         )
         stamp = {"config": config, "config_sha256": digest(resolved)}

@@ -1,5 +1,6 @@
 """Made-up sweeps on disk, whose answers are known."""
 
+import csv
 import itertools
 import json
 from pathlib import Path
@@ -8,6 +9,12 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
+from experiments.collect import sweeps
+from experiments.collect.axes import axes_of
+from experiments.collect.report import write
+from experiments.collect.scores import Evidence
+from experiments.collect.study import CollectStudy
+from urbanjax.io.runs.directory import Run
 from urbanjax.rollout import LoopParams
 from urbanjax.types import config
 
@@ -118,3 +125,28 @@ def sampled(axes, count, seed=0):
 def page(folder: Path) -> str:
     """The text of a report."""
     return (folder / "report.html").read_text(encoding="utf-8")
+
+
+GRID = product({TAU: [0.0, 0.5, 1.0], OBSTACLE: [1, 2, 4]})
+
+
+def rising(values):
+    return 0.4 + 0.3 * values[TAU] + 0.02 * values.get(OBSTACLE, 0)
+
+
+def read(*folders):
+    """Plans, jobs each once, axes, and evidence of the usual scores."""
+    plans = sweeps.sweeps_in([str(folder) for folder in folders])
+    jobs, _ = sweeps.unique([job for plan in plans for job in sweeps.jobs_of(plan)])
+    return plans, jobs, axes_of(plans, jobs), Evidence(jobs, ["nuplan_total", "success"])
+
+
+def collect(home, *folders, **asked):
+    run = Run(home, {}, None)
+    write(CollectStudy(dirs=tuple(map(str, folders)), **asked), run)
+    return run
+
+
+def rows_of(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))

@@ -18,8 +18,9 @@ from typing import Any
 
 from urbanjax.io.runs import interpolation
 
-HIDDEN = ("manifest.json", ".lock")
-PACKAGES = ("urbanjax", "jax", "jaxlib", "numpy", "flax", "highway-env")
+MANIFEST, LOCK = "manifest.json", ".lock"
+COMPLETE, FAILED = "complete", "failed"  # how a run ends
+PACKAGES = ("urbanjax", "jax", "jaxlib", "numpy", "scipy", "flax", "highway-env")
 
 
 class Run:
@@ -84,7 +85,7 @@ class Run:
     def finish(self, status: str, error: str | None = None) -> None:
         """Write `manifest.json`: what ran, on what, how it ended."""
         write_atomically(
-            self.path("manifest.json"), json.dumps(self.manifest(status, error), indent=2, allow_nan=False) + "\n"
+            self.path(MANIFEST), json.dumps(self.manifest(status, error), indent=2, allow_nan=False) + "\n"
         )
 
     def manifest(self, status: str = "running", error: str | None = None) -> dict[str, Any]:
@@ -102,7 +103,7 @@ class Run:
             "versions": versions(),
             "device": device(),
             **{name: ask() for name, ask in self.facts.items()},
-            "files": sorted(file.name for file in self.directory.iterdir() if file.name not in HIDDEN),
+            "files": sorted(file.name for file in self.directory.iterdir() if file.name not in (MANIFEST, LOCK)),
             **({**self.job, "summary": self._summary} if self.swept else {}),
         }
 
@@ -124,10 +125,10 @@ def record(
     try:
         yield run
     except BaseException as error:
-        run.finish("failed", f"{type(error).__name__}: {' '.join(str(error).split())}")
+        run.finish(FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
         raise
     else:
-        run.finish("complete")
+        run.finish(COMPLETE)
     finally:
         print(f"run directory: {os.path.relpath(run.directory)}", flush=True)
 
@@ -197,7 +198,7 @@ def _cpu() -> str:
 
 def _fresh(directory: Path) -> Path:
     candidate, number = Path(directory), 2
-    while (candidate / "manifest.json").exists():
+    while (candidate / MANIFEST).exists():
         candidate, number = Path(f"{directory}-{number}"), number + 1
     return candidate
 

@@ -1,5 +1,6 @@
 """Experiments that evaluate, one or many at once: what each drives, what it keeps of it, what it makes of that."""
 
+import abc
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,17 +20,17 @@ Later = Callable[[Callable[[], None]], None]
 class Evaluation(Protocol):
     """One run of an experiment that evaluates drives; made of its params and its `Run`."""
 
+    @abc.abstractmethod
     def missing(self) -> Mapping[str, Batch]:
         """The names of the parts that are to be driven here, with their batches: the others are known already."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def take(self, part: str, outcomes: Sequence[Outcome], later: Callable) -> None:
         """Keep what came of a part. Args: part, its name; outcomes, of its drives; later, has a call done meanwhile."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def finish(self) -> None:
         """Write what all drives come to; every part is there."""
-        raise NotImplementedError
 
 
 def evaluate(

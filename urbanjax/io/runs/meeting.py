@@ -58,8 +58,9 @@ class Wire:
     def first(self, timeout: float) -> Message:
         """The first message; whoever sends it waits for an answer. Args: timeout in seconds. Raises as `receive`."""
         until = time.monotonic() + timeout
-        while not (come := self.receive(max(until - time.monotonic(), 1e-3))):
-            pass
+        come: list[Message] = []
+        while not come:
+            come = self.receive(max(until - time.monotonic(), 1e-3))
         return come[0]
 
     def close(self) -> None:

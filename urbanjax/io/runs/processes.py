@@ -14,7 +14,7 @@ from urbanjax.types import ConfigError, UrbanJaxError
 
 Values = Mapping[str, Any]
 KEYS = ("coordinator", "process", "processes")  # of the config of an experiment that can be shared
-OWN = (*KEYS, "resume")  # what may differ between processes
+OWN = (*KEYS, "resume")  # what changes nothing in what is computed, and may differ between processes
 FAILURES = "failed_in_process_*.txt"
 PATIENCE = 300.0  # s in which all processes come
 PAUSE = 0.2  # s between two looks at the disk

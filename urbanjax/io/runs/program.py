@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from urbanjax.io.runs import compile_cache, interpolation, parameter_file, presets, processes
-from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.directory import COMPLETE, FAILED, Run
 from urbanjax.io.runs.disk import is_of_disk, of_disk
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
@@ -102,7 +102,7 @@ class Program(Generic[T]):
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with plan.held(folder, wait=True):
-                if plan.status_of(folder) == plan.COMPLETE:
+                if plan.status_of(folder) == COMPLETE:
                     return
                 run = job_run(folder, config)
                 with ends_in_manifest(run):
@@ -163,7 +163,7 @@ def ends_in_manifest(run: Run) -> Iterator[None]:
     """
     try:
         yield
-        run.finish(plan.COMPLETE)
+        run.finish(COMPLETE)
     except Exception as error:
         if is_of_disk(error) or isinstance(error, ProcessError):
             raise
@@ -177,7 +177,7 @@ def fail(run: Run, error: Exception) -> None:
         told = interpolation.hidden(told, run.config, resolved=run.resolved)
         run.path(TRACEBACK).write_text(told, encoding="utf-8")
     said = interpolation.hidden(" ".join(str(error).split()), run.config, resolved=run.resolved)
-    run.finish(plan.FAILED, f"{type(error).__name__}: {said}")
+    run.finish(FAILED, f"{type(error).__name__}: {said}")
     print(f"job {run.directory.name} failed: {said or type(error).__name__}", file=sys.stderr, flush=True)
 
 

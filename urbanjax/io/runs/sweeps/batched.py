@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from urbanjax.io.runs import compile_cache, evaluations, interpolation, processes
-from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.directory import COMPLETE, Run
 from urbanjax.io.runs.disk import is_of_disk
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.program import Program, fail, job_run, own, taken
@@ -92,7 +92,7 @@ def _finish(run: Run, evaluation: Evaluation) -> None:
     try:
         evaluation.finish()
         if not processes.follows(run.resolved):
-            run.finish("complete")
+            run.finish(COMPLETE)
     except Exception as error:
         _fail(run, error)
 

@@ -1,12 +1,10 @@
-"""What the numbers of a sweep depend on besides its config: the sources, and the versions of what they call."""
+"""What the numbers of a sweep depend on besides its config: the sources, and the environment."""
 
 import functools
 import hashlib
 import os
-from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("jax", "jaxlib", "numpy", "scipy")
 ROOT = Path(__file__).resolve().parents[4]
 
 
@@ -25,8 +23,3 @@ def code_digest() -> str:
 def settings() -> dict[str, str]:
     """What the environment says of where and how precisely JAX computes."""
     return {name: os.environ.get(name, "") for name in ("JAX_PLATFORMS", "JAX_ENABLE_X64")}
-
-
-def versions() -> dict[str, str]:
-    """Versions of the packages that decide the numbers."""
-    return {name: metadata.version(name) for name in PACKAGES}

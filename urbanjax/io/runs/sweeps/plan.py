@@ -2,7 +2,6 @@
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import shlex
 import sys
@@ -10,14 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from urbanjax.io.runs.directory import write_atomically
+from urbanjax.io.runs.directory import LOCK, MANIFEST, digest, versions, write_atomically
 from urbanjax.io.runs.sweeps.axes import Axis
-from urbanjax.io.runs.sweeps.code import code_digest, settings, versions
+from urbanjax.io.runs.sweeps.code import code_digest, settings
 from urbanjax.types import ConfigError, FileError, UrbanJaxError, host_record
 
-FILE, LOCK, MANIFEST = "sweep.json", ".lock", "manifest.json"
+FILE = "sweep.json"
 LENGTH = 12  # hexadecimal digits of a name
-COMPLETE, FAILED = "complete", "failed"
 
 
 @host_record
@@ -73,7 +71,7 @@ def plan_of(
     from besides their overrides; axes; jobs, the overrides of each; fixed, those of all, as typed.
     """
     content = [experiment, resolved, list(jobs), code_digest(), versions(), settings()]
-    name = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:LENGTH]
+    name = digest({"content": content})[:LENGTH]
     named = tuple(PlannedJob(f"{k:05d}", overrides) for k, overrides in enumerate(jobs))
     return SweepDesign(experiment, name, dict(config), tuple(axes), named, tuple(fixed))
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from urbanjax.io.runs import interpolation, parameter_file, program
+from urbanjax.io.runs.directory import COMPLETE, FAILED
 from urbanjax.io.runs.disk import is_of_disk, of_disk
-from urbanjax.io.runs.processes import KEYS
+from urbanjax.io.runs.processes import OWN
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.axes import Axis
 from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepDesign
@@ -15,7 +16,6 @@ from urbanjax.types import UrbanJaxError
 
 MOST = 300  # characters of an error
 GROUPS = ("preset",)  # keys that choose among files
-APART = ("resume", *KEYS)  # keys that change nothing in what is computed
 
 
 def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -35,7 +35,7 @@ def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tu
 def content_of(config: Any) -> dict[str, Any]:
     """The values of a config that its results depend on, with those of its parameter file. Args: config, composed."""
     values = interpolation.plain(program.own(config), resolve=True)
-    found = {name: value for name, value in values.items() if name not in APART}
+    found = {name: value for name, value in values.items() if name not in OWN}
     if file := found.get(parameter_file.KEY):
         found[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
     return found
@@ -67,7 +67,7 @@ def run(
     with plan.held(folder, wait=False) if first else contextlib.nullcontext():
         if first:
             planned.write(folder)
-        left = [job for job in planned.jobs if plan.status_of(folder / job.name) != plan.COMPLETE]
+        left = [job for job in planned.jobs if plan.status_of(folder / job.name) != COMPLETE]
         done = f", {len(planned.jobs) - len(left)} of them done before" if len(left) < len(planned.jobs) else ""
         print(f"sweep {planned.sweep}: {len(planned.jobs)} jobs{done}, in {folder}", flush=True)
         error = _launched(launch, left, folder)
@@ -78,7 +78,7 @@ def run(
         return
     error = "; ".join(filter(None, (error, unreported)))
     states = {job.name: plan.status_of(folder / job.name) for job in planned.jobs}
-    failed = [name for name, state in states.items() if state == plan.FAILED]
+    failed = [name for name, state in states.items() if state == FAILED]
     missing = [name for name, state in states.items() if state is None]
     if failed or missing or error:
         told = [f"{len(failed)} failed ({_some(failed)})"] * bool(failed)
