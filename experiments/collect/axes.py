@@ -52,7 +52,7 @@ def axes_of(plans: Sequence[SweepPlan], jobs: Sequence[SweepJob]) -> list[SweepA
     """
     told: dict[str, dict[str, Any]] = {}
     for plan in plans:
-        overridden = dict.fromkeys(key for _, overrides in plan.jobs for key in overrides)
+        overridden = dict.fromkeys(key for job in plan.jobs for key in job.overrides)
         for key in [*plan.axes, *overridden]:
             axis = dict(plan.axes.get(key, {}))
             known = told.setdefault(key, axis)

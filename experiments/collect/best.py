@@ -1,7 +1,7 @@
 """The values of a job as a parameter file."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ from experiments.collect.arguments import quoted
 from experiments.collect.axes import is_number
 from experiments.collect.sweeps import SweepJob, SweepPlan, at
 from urbanjax.io.runs.parameter_file import write_parameters
+from urbanjax.io.runs.sweeps.plan import overridden
 from urbanjax.rollout import LoopParams
 from urbanjax.types import config
 from urbanjax.types.unread import changed
@@ -17,11 +18,15 @@ MEANT = ("null", "true", "false", "nan", "inf")  # texts that Hydra takes for so
 FROM_ELSEWHERE = "${"  # a value that is looked up when a run begins, such as one of the environment
 
 
-def values_of(job: SweepJob) -> dict[str, Any]:
-    """What a job sets of a closed loop and does not leave at its default, and the dotted numbers that it overrides."""
+def values_of(job: SweepJob, planned: Mapping[str, Any]) -> dict[str, Any]:
+    """What a job sets of a closed loop and does not leave at its default, and the dotted numbers that it overrides.
+
+    What a parameter file of its own has brought belongs to it. Args: job; planned, the config of all jobs, before that.
+    """
     defaults = config.schema(LoopParams)
     loop = {name: value for name, value in job.config.items() if name in defaults}
-    values = {key: at(loop, key) for key in changed(loop, defaults)}
+    keys = [*changed(loop, defaults), *changed(job.config, overridden(planned, job.overrides))]
+    values = {key: at(job.config, key) for key in keys}
     values |= {key: value for key, value in job.overrides.items() if "." in key and is_number(value)}
     return {key: value for key, value in values.items() if _can_be_written(value)}
 
@@ -35,7 +40,7 @@ def write_best(path: Path, job: SweepJob, *, scores: Sequence[str], plan: SweepP
     """Write the parameter file of a job. Args: path; job; scores in words; plan of its sweep."""
     import shlex
 
-    values = values_of(job)
+    values = values_of(job, plan.config)
     rest = [shlex.quote(text) for text in plan.fixed if not text.startswith("params=")]
     rest += [override(key, value) for key, value in job.overrides.items() if key not in (*values, "params")]
     drive = ["python -m", f"experiments.{job.experiment}", f"params={os.path.relpath(path)}", *rest]

@@ -12,6 +12,7 @@ from experiments.collect.collected import Collected
 from experiments.collect.sweeps import SweepCoverage, SweepJob, at
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.report import Picture, Section, Table
+from urbanjax.types import UrbanJaxError
 
 ROWS = 200  # of the table of jobs in the page
 MOST_PAIRS = 6  # heat maps
@@ -221,10 +222,13 @@ def front(part: Collected, run: Run) -> Items:
 
 def deciding(part: Collected, run: Run) -> Items:
     """Indices of sensitivity, where the sample allows them."""
-    found = {
-        score.name: sensitivity.indices(part.axes, part.complete, evidence=part.evidence, name=score.name)
-        for score in part.known
-    }
+    try:
+        found = {
+            score.name: sensitivity.indices(part.axes, part.complete, evidence=part.evidence, name=score.name)
+            for score in part.known
+        }
+    except UrbanJaxError as error:  # what has been driven is worth a report without them
+        return [f"There are no indices: {error}."]
     found = {name: indices for name, indices in found.items() if indices}
     if not found:
         return []

@@ -13,7 +13,7 @@ from experiments.collect.axes import SweepAxis
 from experiments.collect.scores import Evidence
 from experiments.collect.sweeps import SweepJob
 from urbanjax.evaluation.statistics import WithInterval
-from urbanjax.types import host_record
+from urbanjax.types import UrbanJaxError, host_record
 
 LEAST = 30  # jobs: of fewer the indices are mostly noise
 RESAMPLES, SEED, PER_BIN = 100, 1, 10
@@ -32,7 +32,7 @@ def indices(axes: Sequence[SweepAxis], jobs: Sequence[SweepJob], *, evidence: Ev
     """The indices of all numeric axes from given data (Plischke, Borgonovo and Smith 2013), the greatest first.
 
     None where nothing was sampled, of fewer than LEAST jobs, and of a score that is the same in all.
-    Args: axes; jobs; evidence of them; name of the score.
+    Args: axes; jobs; evidence of them; name of the score. Raises UrbanJaxError where the library fails.
     """
     score = np.array([evidence.of(job, name).value for job in jobs])
     known = [job for job, value in zip(jobs, score, strict=True) if np.isfinite(value)]
@@ -63,7 +63,10 @@ def _delta(at: np.ndarray, score: np.ndarray) -> dict[str, Any]:
     told = {"at": at.tolist(), "score": score.tolist(), "bins": bins, "resamples": RESAMPLES, "seed": SEED}
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     command = [sys.executable, "-W", "ignore", "-c", PROGRAM]
-    done = subprocess.run(command, input=json.dumps(told), env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, input=json.dumps(told), env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
+        raise UrbanJaxError(f"SALib has failed: {said[-1]}")
     return json.loads(done.stdout)
 
 

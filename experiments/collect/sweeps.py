@@ -7,7 +7,7 @@ from typing import Any
 
 from urbanjax.io import files
 from urbanjax.io.runs.directory import COMPLETE, FAILED, MANIFEST
-from urbanjax.io.runs.sweeps.plan import FILE
+from urbanjax.io.runs.sweeps.plan import FILE, PlannedJob, overridden
 from urbanjax.types import ConfigError, FileError, host_record
 
 MISSING = "missing"
@@ -26,7 +26,7 @@ class SweepPlan:
     versions: Mapping[str, Any]
     config: Mapping[str, Any]  # nested, of all jobs but for their overrides
     axes: Mapping[str, Mapping[str, Any]]  # by dotted key: kind, values, log
-    jobs: tuple[tuple[str, Mapping[str, Any]], ...]  # name and overrides
+    jobs: tuple[PlannedJob, ...]
 
 
 @host_record
@@ -110,7 +110,7 @@ def plan_of(folder: Path) -> SweepPlan:
     jobs = [_planned(path, job) for job in _of(path, plan, "jobs", list)]
     if not jobs:
         raise FileError(f"{path}: plans no jobs: leave this directory out, or run its sweep again")
-    names = [name for name, _ in jobs]
+    names = [job.name for job in jobs]
     if len(set(names)) < len(names):
         raise FileError(f"{path}: two jobs have one name")
     texts = {"name": str(plan.get("sweep") or folder.name), "code": str(plan.get("code") or "")}
@@ -127,7 +127,7 @@ def plan_of(folder: Path) -> SweepPlan:
     )
 
 
-def _planned(path: Path, job: Any) -> tuple[str, dict[str, Any]]:
+def _planned(path: Path, job: Any) -> PlannedJob:
     name, overrides = (job.get("name"), job.get("overrides")) if isinstance(job, dict) else (None, None)
     if (
         not isinstance(name, str)
@@ -136,31 +136,31 @@ def _planned(path: Path, job: Any) -> tuple[str, dict[str, Any]]:
         or not isinstance(overrides, dict)
     ):
         raise FileError(f"{path}: a job must have a name, which is that of its directory, and overrides, not {job!r}")
-    return name, overrides
+    return PlannedJob(name, overrides, str(job.get("content") or ""))
 
 
 def jobs_of(plan: SweepPlan) -> list[SweepJob]:
     """All planned jobs with what became of them; none is left out. Args: plan, whose folder holds their manifests."""
-    return [_job(plan, name, overrides) for name, overrides in plan.jobs]
+    return [_job(plan, job) for job in plan.jobs]
 
 
-def _job(plan: SweepPlan, name: str, overrides: Mapping[str, Any]) -> SweepJob:
-    folder = plan.folder / name
-    status, error, manifest = _ended(folder / MANIFEST, overrides)
+def _job(plan: SweepPlan, job: PlannedJob) -> SweepJob:
+    folder = plan.folder / job.name
+    status, error, manifest = _ended(folder / MANIFEST, job.overrides)
     summary, config = manifest.get("summary"), manifest.get("config")
-    planned = overridden(plan.config, overrides)
+    planned = overridden(plan.config, job.overrides)
     return SweepJob(
         sweep=plan.name,
-        name=name,
+        name=job.name,
         folder=folder,
         experiment=plan.experiment,
         code=plan.code,
-        overrides=overrides,
+        overrides=job.overrides,
         config=config if isinstance(config, dict) else planned,
         status=status,
         error=error,
         summary=summary if isinstance(summary, dict) else {},
-        identity=json.dumps([plan.experiment, plan.code, _alike(planned)], sort_keys=True),
+        identity=job.content or json.dumps([plan.experiment, plan.code, _alike(planned)], sort_keys=True),
     )
 
 
@@ -214,16 +214,6 @@ def at(config: Any, key: str) -> Any:
     for name in key.split("."):
         config = config.get(name) if isinstance(config, Mapping) else None
     return config
-
-
-def overridden(config: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """A nested config with other values. Args: config, left as it is; overrides by dotted key."""
-    out = dict(config)
-    for key, value in overrides.items():
-        name, _, rest = key.partition(".")
-        held = out.get(name)
-        out[name] = overridden(held if isinstance(held, Mapping) else {}, {rest: value}) if rest else value
-    return out
 
 
 def _read(path: Path) -> dict[str, Any]:

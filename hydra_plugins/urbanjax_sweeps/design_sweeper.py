@@ -52,8 +52,9 @@ class DesignSweeper(Sweeper):
         jobs = axes.jobs_of(found)
         base, resolved = running.configs_of(self.program, self.config, keys=list(asked))
         groups = {key: self._composed(fixed, key, asked[key]) for key in asked if key in running.GROUPS}
-        content = [resolved, groups, dict(self.params), running.contents_of(found)]
-        planned = plan.plan_of(self.program.name, base, resolved=content, axes=found, jobs=jobs, fixed=fixed)
+        resolved |= {"hydra.sweeper.params": dict(self.params)} if self.params else {}
+        contents = running.contents_of(self.program, found, jobs=jobs, base=resolved, groups=groups)
+        planned = plan.plan_of(self.program.name, base, axes=found, jobs=jobs, contents=contents, fixed=fixed)
         folder = Path(self.config.hydra.sweep.dir) / planned.sweep
 
         def overrides(job: plan.PlannedJob) -> list[str]:
@@ -104,12 +105,12 @@ class DesignSweeper(Sweeper):
         return list(fixed.values()), asked
 
     def _composed(self, fixed: Sequence[str], key: str, values: Sequence[tuple[Any, str]]) -> dict[str, Any]:
-        """What every choice of a config group comes to, by its name."""
+        """What every choice of a config group comes to, by its `repr`."""
         from urbanjax.io.runs.sweeps.running import content_of
 
         load = self.context.config_loader.load_sweep_config
-        composed = {text: load(self.config, [*fixed, f"{key}={text}"]) for _, text in values}
-        return {text: content_of(one) for text, one in composed.items()}
+        composed = {repr(value): load(self.config, [*fixed, f"{key}={text}"]) for value, text in values}
+        return {name: content_of(self.program, one) for name, one in composed.items()}
 
 
 def _texts(override: Override) -> Iterator[str]:

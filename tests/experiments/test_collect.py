@@ -70,13 +70,23 @@ def test_the_best_job_is_a_parameter_file_that_comes_back_bit_for_bit(tmp_path):
     assert f"code: {made.CODE}" in text
 
 
+def test_what_the_sweep_took_from_a_parameter_file_is_in_the_best_one_too(tmp_path):
+    folder = made.sweep(tmp_path / "s", [{TAU: 0.0}, {TAU: 0.5}], rising, values=made.base(period=0.2))
+    path = folder / "00001" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["config"] |= {"period": 0.1, "idm": {"time_gap": 2.5}, "seeds": 4}  # 0.1 is the default
+    path.write_text(json.dumps(manifest))
+    write_sweep(folder)
+    assert read_parameters(folder / "best.yaml") == {"period": 0.1, TAU: 0.5, GAP: 2.5, "seeds": 4}
+
+
 def test_values_are_those_of_the_loop_that_are_no_defaults_and_dotted_numbers():
     config = made.base(seeds=64)
     config["period"] = 0.2
     config["stack"] = {**config["stack"], "localizer": "${oc.env:WHICH}"}
-    job = sweeps.SweepJob("s", "00000", None, "evaluate", "", {GAP: 2.0, "seed": 3, "missions": ["x"]}, config,
+    job = sweeps.SweepJob("s", "00000", None, "evaluate", "", {GAP: 2.0, "seed": 0, "missions": ["x"]}, config,
                           "complete", None, {}, "")  # fmt: skip
-    assert best.values_of(job) == {"period": 0.2, GAP: 2.0}
+    assert best.values_of(job, config) == {"period": 0.2, GAP: 2.0}
     assert best.override("missions", ["a b", "c"]) == """'missions=["a b",c]'"""
 
 
@@ -151,6 +161,16 @@ def test_an_axis_of_ten_times_the_weight_decides_ten_times_more(tmp_path):
     bins = responses.binned(axes[1], jobs, evidence=evidence, name="y")
     assert sum(point.jobs for point in bins) == 64
     assert np.all(np.diff([point.score.value for point in bins]) > 0)
+
+
+def test_a_report_outlives_the_library_of_indices(tmp_path, monkeypatch):
+    values = made.sampled({"x.a": (0.0, 1.0)}, 32)
+    folder = made.plan(tmp_path / "s", values, kinds={"x.a": "lhs"})
+    for number, each in enumerate(values):
+        made.job(folder, number, summary={"y": each["x.a"]})
+    monkeypatch.setattr(sensitivity, "PROGRAM", "raise SystemExit('no such method')")
+    run = collect(tmp_path / "run", folder, score="y")
+    assert "There are no indices: SALib has failed: no such method." in made.page(run.directory)
 
 
 def test_the_same_job_of_two_sweeps_counts_once(tmp_path):

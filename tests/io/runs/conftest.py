@@ -23,7 +23,7 @@ class Toy:
     grid: tuple[float, ...] = (0.0, 1.0)
     seed: int = static(default=0)
     fail: bool = static(default=False)
-    folder: str = static(default="")
+    folder: str = static(default="", metadata={"path": True})
 
 
 @cli.experiment("toy", Toy, anew="TOY_ANEW" in os.environ)

@@ -84,8 +84,29 @@ def test_the_name_of_a_sweep_is_its_content(home, run):
     (presets / "long.yaml").write_text("# @package _global_\nvehicle:\n  length: 7\n")
     assert name("seed=1", "preset=short,long") != long
     (presets / "long.yaml").unlink()
+    (home / "scenes").mkdir()
+    read = name("seed=1,2", "folder=scenes")
+    (home / "scenes" / "one.xml").write_text("<scene/>")
+    assert name("seed=1,2", "folder=scenes") != read
     seeded = name("vehicle.length=sobol:1:2:4", "hydra.sweeper.seed=1")
     assert name("vehicle.length=sobol:1:2:4", "hydra.sweeper.seed=2") != seeded
+
+
+def test_jobs_of_two_sweeps_are_the_same_where_they_compute_the_same(home, run):
+    def contents(*arguments, **environment):
+        done = run("-m", *arguments, "hydra.sweep.dir=outputs/same", **environment)
+        assert done.returncode == 0, done.stderr
+        plan = json.loads((sweep_of(home, done) / "sweep.json").read_text())
+        return [job["content"] for job in plan["jobs"]]
+
+    one, two = contents("seed=1,2", "vehicle.length=3")
+    assert contents("vehicle.length=2,3", "seed=2")[1] == two != one
+    tall = home / "configs" / "toy" / "preset" / "tall.yaml"
+    tall.write_text("# @package _global_\nvehicle:\n  length: 3\n  width: 1.7\n")
+    assert contents("seed=2", "preset=tall,short")[1] == two
+    tall.unlink()
+    where = "vehicle.length=${oc.decode:${oc.env:LONG}}"
+    assert contents("seed=2,3", where, LONG="3")[0] == two != contents("seed=2,3", where, LONG="4")[0]
 
 
 def test_a_sweep_that_another_process_is_at_is_left_alone(home, run, swept):

@@ -24,6 +24,7 @@ class PlannedJob:
 
     name: str
     overrides: dict[str, Any]
+    content: str = ""  # hash of what it computes: the same for the same job of two sweeps
 
 
 @host_record
@@ -50,7 +51,7 @@ class SweepDesign:
             "versions": versions(),
             "axes": axes,
             "fixed": list(self.fixed),
-            "jobs": [{"name": one.name, "overrides": one.overrides} for one in self.jobs],
+            "jobs": [{"name": one.name, "overrides": one.overrides, "content": one.content} for one in self.jobs],
             "config": self.config,
         }
         write_atomically(folder / FILE, json.dumps(told, indent=1) + "\n")
@@ -60,20 +61,34 @@ def plan_of(
     experiment: str,
     config: Mapping[str, Any],
     *,
-    resolved: Any,
     axes: Sequence[Axis],
     jobs: Sequence[dict[str, Any]],
+    contents: Sequence[Any],
     fixed: Sequence[str] = (),
 ) -> SweepDesign:
     """The plan of a sweep; its name says what it computes: the values of all its jobs, the sources and the versions.
 
-    Args: experiment, its name; config, of all jobs, with its interpolations; resolved, all that the jobs' values come
-    from besides their overrides; axes; jobs, the overrides of each; fixed, those of all, as typed.
+    Args: experiment, its name; config, of all jobs, with its interpolations; axes; jobs, the overrides of each;
+    contents, what each computes, as plain values; fixed, the overrides of all, as typed.
     """
-    content = [experiment, resolved, list(jobs), code_digest(), versions(), settings()]
-    name = digest({"content": content})[:LENGTH]
-    named = tuple(PlannedJob(f"{k:05d}", overrides) for k, overrides in enumerate(jobs))
+    about = [experiment, code_digest(), versions(), settings()]
+    hashes = [digest({"content": [*about, content]}) for content in contents]
+    name = digest({"content": hashes, "jobs": list(jobs)})[:LENGTH]
+    named = tuple(
+        PlannedJob(f"{k:05d}", overrides, content)
+        for k, (overrides, content) in enumerate(zip(jobs, hashes, strict=True))
+    )
     return SweepDesign(experiment, name, dict(config), tuple(axes), named, tuple(fixed))
+
+
+def overridden(config: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """A nested config with other values. Args: config, left as it is; overrides by dotted key."""
+    out = dict(config)
+    for key, value in overrides.items():
+        name, _, rest = key.partition(".")
+        held = out.get(name)
+        out[name] = overridden(held if isinstance(held, Mapping) else {}, {rest: value}) if rest else value
+    return out
 
 
 def status_of(folder: Path) -> str | None:

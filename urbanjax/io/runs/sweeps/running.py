@@ -1,7 +1,8 @@
 """A sweep from its plan to its report, whoever does its jobs."""
 
 import contextlib
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from urbanjax.io.runs.disk import is_of_disk, of_disk
 from urbanjax.io.runs.processes import OWN
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.axes import Axis
+from urbanjax.io.runs.sweeps.code import state_of
 from urbanjax.io.runs.sweeps.plan import PlannedJob, SweepDesign
 from urbanjax.types import UrbanJaxError
 
@@ -29,23 +31,55 @@ def configs_of(task: program.Program, config: Any, *, keys: Sequence[str]) -> tu
     for key in keys:
         if key not in GROUPS and OmegaConf.select(own, key, throw_on_missing=False) is not None:
             OmegaConf.update(own, key, None, force_add=True)
-    return interpolation.plain(own, resolve=False), content_of(own)
+    return interpolation.plain(own, resolve=False), content_of(task, own)
 
 
-def content_of(config: Any) -> dict[str, Any]:
-    """The values of a config that its results depend on, with those of its parameter file. Args: config, composed."""
+def content_of(task: program.Program, config: Any) -> dict[str, Any]:
+    """The values of a config that its results depend on, and what lies in the files that it names.
+
+    Args: task, the program; config, composed.
+    """
     values = interpolation.plain(program.own(config), resolve=True)
-    found = {name: value for name, value in values.items() if name not in OWN}
-    if file := found.get(parameter_file.KEY):
-        found[parameter_file.KEY] = parameter_file.read_parameters(Path(file))
+    return {name: _content(task, name, value) for name, value in values.items() if name not in OWN}
+
+
+def contents_of(
+    task: program.Program,
+    axes: Sequence[Axis],
+    *,
+    jobs: Sequence[Mapping[str, Any]],
+    base: Mapping[str, Any],
+    groups: Mapping[str, Mapping[str, Any]],
+) -> list[dict[str, Any]]:
+    """What each job computes.
+
+    Args: task, the program; axes; jobs, the overrides of each; base, the content of what they share; groups, the
+    content that each choice of a config group makes of it, by key and `repr` of the choice.
+    """
+    resolved = interpolation.resolved({axis.key: list(axis.values) for axis in axes})
+    known = {
+        axis.key: {
+            repr(value): _content(task, axis.key, found) for value, found in zip(axis.values, values, strict=True)
+        }
+        for axis, values in zip(axes, resolved.values(), strict=True)
+    }
+    found = []
+    for job in jobs:
+        composed = next((groups[key][repr(job[key])] for key in groups), base)
+        values = {key: known[key][repr(value)] for key, value in job.items() if key not in groups and key not in OWN}
+        found.append(plan.overridden(composed, values))
     return found
 
 
-def contents_of(axes: Sequence[Axis]) -> dict[str, Any]:
-    """What swept values stand for: interpolations, and the values in parameter files. Args: axes."""
-    found = interpolation.resolved({axis.key: list(axis.values) for axis in axes})
-    files = found.get(parameter_file.KEY, ())
-    return found | {parameter_file.KEY: [parameter_file.read_parameters(Path(file)) for file in files if file]}
+def _content(task: program.Program, name: str, value: Any) -> Any:
+    """What a value comes to: what it is, or what lies in the file of that name."""
+    if name == parameter_file.KEY:
+        return parameter_file.read_parameters(Path(value)) if value else {}
+    return [value, state_of(value)] if value and name in _paths(task.params_class) else value
+
+
+def _paths(params_class: Any) -> set[str]:
+    return {spec.name for spec in dataclasses.fields(params_class) if spec.metadata.get("path")}
 
 
 def run(
