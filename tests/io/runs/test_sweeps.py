@@ -105,8 +105,8 @@ def test_jobs_of_two_sweeps_are_the_same_where_they_compute_the_same(home, run):
     tall.write_text("# @package _global_\nvehicle:\n  length: 3\n  width: 1.7\n")
     assert contents("seed=2", "preset=tall,short")[1] == two
     tall.unlink()
-    where = "vehicle.length=${oc.decode:${oc.env:LONG}}"
-    assert contents("seed=2,3", where, LONG="3")[0] == two != contents("seed=2,3", where, LONG="4")[0]
+    there, here = contents("seed=2,3", "folder=there")[0], "folder=${oc.env:SCENES}"
+    assert contents("seed=2,3", here, SCENES="there")[0] == there != contents("seed=2,3", here, SCENES="here")[0]
 
 
 def test_a_sweep_that_another_process_is_at_is_left_alone(home, run, swept):
