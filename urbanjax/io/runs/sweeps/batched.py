@@ -42,8 +42,8 @@ def changed_config(config: Any, values: Mapping[str, Any]) -> Any:
 def do(program: Program, jobs: Sequence[BatchedJob]) -> None:
     """Do the jobs; what one raises is said in its manifest, and ends nothing else.
 
-    Args: program, of an experiment that evaluates; jobs. Raises ConfigError for any other experiment, OSError for a disk
-    that takes nothing any more, and UrbanJaxError in a process that follows, for jobs that have failed in it.
+    Args: program, of an experiment that evaluates; jobs. Raises ConfigError for any other experiment, OSError for a
+    disk that takes nothing any more, and UrbanJaxError in a process that follows, for jobs that have failed in it.
     """
     if program.evaluation is None:
         raise ConfigError(
