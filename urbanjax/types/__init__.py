@@ -14,6 +14,7 @@ from urbanjax.types.limits import INSIDE, POSITIVE, SEED, SHARE
 from urbanjax.types.objects import Objects, Prediction, RoadUser
 from urbanjax.types.observation import LaneOffset, Observation
 from urbanjax.types.path import Path
+from urbanjax.types.pinned import SOFT
 from urbanjax.types.scan import Mount, Scan
 from urbanjax.types.signals import Signals, SignalState
 from urbanjax.types.state import Command, Odometry, VehicleState
@@ -28,6 +29,7 @@ __all__ = [
     "POSITIVE",
     "SEED",
     "SHARE",
+    "SOFT",
     "CloudError",
     "Command",
     "ConfigError",

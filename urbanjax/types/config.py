@@ -203,6 +203,17 @@ def _expect(condition: bool, value: Any, key: str, kind: str) -> Any:
     return value
 
 
+def bounds_of(spec: dataclasses.Field) -> tuple[float, float]:
+    """Least and greatest that a config may give to the number of a field, or to each of its tuple.
+
+    Args: spec, of a field of floats.
+    """
+    limits, default = limits_of(spec).bounds, default_of(spec)
+    free = -1.0 if isinstance(default, tuple) else _like(default, spec)  # elements of a grid may be negative
+    low, high = limits or (_lowest(free), math.inf)
+    return float(low), float(high)
+
+
 def _lowest(default: float | int) -> float | int:
     """Sizes and magnitudes (a positive default) are not negative; a count that is at least 1 stays so."""
     if isinstance(default, int):

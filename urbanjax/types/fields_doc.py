@@ -22,30 +22,45 @@ class FieldsDoc:
         return self.full[owner]
 
 
+def comments_of(owner: type) -> dict[str, str]:
+    """What is said beside and above each field of a class and of those that it adds to, by name.
+
+    Empty where no source is at hand. Args: owner, the class.
+    """
+    said = {}
+    for cls in reversed(owner.__mro__[:-1]):
+        said |= {spec.target.id: text for spec, text in _said(cls)}
+    return said
+
+
 def _with_fields(text: str | None, owner: type) -> str | None:
-    try:
-        source = textwrap.dedent(inspect.getsource(owner))
-        fields = _fields(source)
-    except (OSError, TypeError, SyntaxError):  # made by hand, or shipped without its source
-        return text
+    fields = [_line(*field) for field in _said(owner)]
     if not fields:
         return text
     lines = "\n".join(textwrap.fill(line, 116, initial_indent="    ", subsequent_indent=8 * " ") for line in fields)
     return f"{inspect.cleandoc(text or '')}\n\nFields:\n{lines}\n"
 
 
-def _fields(source: str) -> list[str]:
-    """One line for each annotated field of the class: name (kind = default): comment."""
-    comments = _comments(source)
+def _line(spec: ast.AnnAssign, said: str) -> str:
+    """A field as name (kind = default): comment."""
+    return f"{ast.unparse(spec.target)} ({ast.unparse(spec.annotation)}{_default(spec.value)})" + (said and f": {said}")
+
+
+def _said(owner: type) -> list[tuple[Any, str]]:
+    """Each annotated field of the class itself, with the comments above and beside it."""
+    try:
+        source = textwrap.dedent(inspect.getsource(owner))
+        comments = _comments(source)
+        body = ast.parse(source).body[0]
+    except (OSError, TypeError, SyntaxError):  # made by hand, or shipped without its source
+        return []
     whole = {number for number, line in enumerate(source.splitlines(), 1) if line.lstrip().startswith("#")}
-    body = ast.parse(source).body[0]
     assert isinstance(body, ast.ClassDef)
-    lines = []
+    found = []
     for spec in body.body:
         if not isinstance(spec, ast.AnnAssign) or not isinstance(spec.target, ast.Name):
             continue
-        kind = ast.unparse(spec.annotation)
-        if kind.startswith("ClassVar"):
+        if ast.unparse(spec.annotation).startswith("ClassVar"):
             continue
         above = []
         number = spec.lineno - 1
@@ -53,9 +68,8 @@ def _fields(source: str) -> list[str]:
             above.insert(0, comments[number])
             number -= 1
         beside = comments.get(spec.end_lineno or spec.lineno, "")
-        said = "; ".join(part for part in (" ".join(above), beside) if part)
-        lines.append(f"{spec.target.id} ({kind}{_default(spec.value)})" + (f": {said}" if said else ""))
-    return lines
+        found.append((spec, "; ".join(part for part in (" ".join(above), beside) if part)))
+    return found
 
 
 def _default(value: ast.expr | None) -> str:
