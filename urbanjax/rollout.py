@@ -35,6 +35,8 @@ class LoopParams:
         ),
     }
 
+    PINNED: ClassVar[dict[str, str]] = {"period": "fact: of the computer that drives"}
+
     vehicle: VehicleParams = VehicleParams()  # the ego
     period: float = field(default=0.1, metadata=POSITIVE)  # s, of one step of the driver
     sensor: LidarParams = LidarParams()

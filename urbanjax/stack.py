@@ -48,6 +48,11 @@ class StackParams:
         ),
     }
 
+    PINNED: ClassVar[dict[str, str]] = {
+        "lidar": "fact: where the vehicle is; calibrated against known poses, in experiments.register",
+        "search": "fact: where the vehicle is; calibrated against known poses",
+    }
+
     vehicle: VehicleParams = field(default=None, metadata=HANDED_DOWN)
     period: float = field(default=None, metadata=HANDED_DOWN)  # s, of one step
     mount: Mount = field(default=None, metadata=HANDED_DOWN)  # of the LiDAR

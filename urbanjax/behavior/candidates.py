@@ -1,5 +1,7 @@
 """Connecting paths: from the present pose onto a lane, and how clear they are at free-flow speed."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -10,13 +12,15 @@ from urbanjax.numerics.once import once
 from urbanjax.planning.clearance import Passage, gaps
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.progress import Sample
-from urbanjax.types import Path, Prediction, pytree
+from urbanjax.types import SOFT, Path, Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
 
 @pytree
 class ConnectParams:
     """How a path joins a lane."""
+
+    PINNED: ClassVar[dict[str, str]] = {"terminal_scale": SOFT}
 
     duration: float = 4.0  # s, to reach the lane's centre
     min_length: float = 12.0  # m

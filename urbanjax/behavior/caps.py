@@ -1,5 +1,7 @@
 """Caps on the speed that do not come from traffic: limit, curves, stop line."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -13,6 +15,11 @@ from urbanjax.vehicle.limits import approach_speed, curve_speed, stop_speed
 @pytree
 class CapParams:
     """Comfort in curves and before stops."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "stop_*": "safety: where and how surely it stops at red",
+        "reaction_time": "safety: how surely it stops at red",
+    }
 
     lateral_acceleration: float = 2.5  # m/s^2
     curve_deceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, towards slower stretches ahead

@@ -1,5 +1,7 @@
 """Geometry-aware velocity planning: one speed from two car-following speeds (Eq. 28-29)."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -15,6 +17,11 @@ from urbanjax.vehicle.following import constant_headway_speed
 @pytree
 class GVPParams:
     """Aggressiveness and the shape of the two lanes that it weighs."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "overlap": "safety: of whom the ego need not keep clear",
+        "clamp_time": "safety: the least time to collision",
+    }
 
     # [-], aggressiveness factor of Eq. 29; 0 follows the geometry now, 1 where the path leads
     tau: float = field(default=0.75, metadata=SHARE)

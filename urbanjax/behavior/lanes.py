@@ -1,5 +1,7 @@
 """The lanes that behaviour reasons about: the ego lane (Eq. 25-26), the lane that a path leads to."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -7,7 +9,7 @@ from jaxtyping import Float
 from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.progress import Sample
-from urbanjax.types import pytree
+from urbanjax.types import SOFT, pytree
 from urbanjax.vehicle.driving import Driving
 
 MISSING = 100.0  # m, by which a lane that is not there counts as farther
@@ -17,6 +19,8 @@ NEARER = 0.05  # m^2 of squared deviation that one more point ahead has to be wo
 @pytree
 class LaneParams:
     """How the nearest lane is told."""
+
+    PINNED: ClassVar[dict[str, str]] = {"clear_difference": SOFT}
 
     stickiness: float = 0.4  # m, by which another lane must be nearer than the present one
     clear_difference: float = 0.5  # m, difference in distance that counts as clear

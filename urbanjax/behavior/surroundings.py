@@ -1,5 +1,7 @@
 """Objects seen from the route: station, offset and speed along it."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 from jax import Array
@@ -15,6 +17,11 @@ from urbanjax.vehicle.driving import Driving
 @pytree
 class OccupancyParams:
     """When a vehicle counts as being in a lane."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "*_margin": "safety: the gap that is kept beside others",
+        "standing_speed": "definition: of standing",
+    }
 
     lateral_margin: float = 0.3  # m, beside both bodies
     standing_margin: float = 0.15  # m, the same where one who stands is in the way of a path

@@ -1,11 +1,13 @@
 """The decision tree of path selection: route, micro path or ego lane (Eq. 27, Fig. 5)."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, soft
-from urbanjax.types import POSITIVE, SHARE, Decision, field, pytree, static
+from urbanjax.types import POSITIVE, SHARE, SOFT, Decision, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 
 ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
@@ -14,6 +16,24 @@ ROUTE, MICRO, EGO = 0, 1, 2  # order of the three paths of Eq. 27
 @pytree
 class TSPSParams:
     """Thresholds of the tree. A `*_scale` is the margin that counts as clear when the tree is relaxed."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "horizon": "safety: how long a path must be free of collisions",
+        "margin": "safety: the clearance that a feasible path keeps",
+        "standing_speed": "definition: of standing",
+        "signal_distance": "safety: nobody is overtaken before a turn at a signal",
+        "queue_distance": "safety: nobody is overtaken in the queue of a signal",
+        "queue_start": "fact: how fast queues start",
+        "yellow_*": "safety: when one stops at yellow",
+        "line_passed": "definition: of the next stop line",
+        "turn_reach": "definition: of a turn that belongs to a signal",
+        "entered_share": "definition: of a lane beside",
+        "side_front": "safety: the free space that entering a lane asks for",
+        "side_rear": "safety: the free space that entering a lane asks for",
+        "side_time": "safety: the free space that entering a lane asks for",
+        "emergency_deceleration": "safety: when full braking is due",
+        "*_scale": SOFT,
+    }
 
     horizon: float = 6.0  # s, over which a path must be free of collisions
     margin: float = 0.35  # m, clearance that a feasible path keeps

@@ -1,5 +1,7 @@
 """Longitudinal control: from a reference speed to an acceleration."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -12,6 +14,11 @@ from urbanjax.vehicle.driving import Driving
 @pytree
 class LongitudinalParams:
     """First-order tracking of the reference speed within comfortable limits."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "comfort_deceleration": "safety: all braking but that of emergencies is held to it",
+        "max_jerk": "safety: how soon it brakes",
+    }
 
     time_constant: float = field(default=0.6, metadata=POSITIVE)  # s
     comfort_acceleration: float = 2.0  # m/s^2

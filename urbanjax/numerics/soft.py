@@ -10,7 +10,7 @@ A choice is returned as *weights* or as a *degree* in [0, 1], and its consequenc
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Bool, Float
 
 from urbanjax.numerics import lean, safe
-from urbanjax.types import POSITIVE, ConfigError, field, pytree, static
+from urbanjax.types import POSITIVE, SOFT, ConfigError, field, pytree, static
 
 T = TypeVar("T")
 
@@ -29,6 +29,8 @@ MODES = ("hard", "soft", "straight_through")
 @pytree
 class Relaxation:
     """How hard choices are relaxed, and how much."""
+
+    PINNED: ClassVar[dict[str, str]] = {"temperature": SOFT}
 
     temperature: float = field(default=0.1, metadata=POSITIVE)  # [-], multiplied by the natural scale of each choice
     mode: str = static(default="hard", metadata={"choices": MODES})

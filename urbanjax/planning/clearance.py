@@ -1,5 +1,7 @@
 """Room between the ego's box along a plan and every predicted box, at the time each point is passed."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -9,7 +11,7 @@ from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.once import once
 from urbanjax.planning.basis import product
 from urbanjax.planning.prediction import time_weights
-from urbanjax.types import Prediction, VehicleState, pytree
+from urbanjax.types import SOFT, Prediction, VehicleState, pytree
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -17,6 +19,13 @@ from urbanjax.vehicle.params import VehicleParams
 @pytree
 class ClearanceParams:
     """How clearance is told."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "far": "definition: of free",
+        "margin": "safety: the gap that is kept before and behind",
+        "follower_heading": "safety: of whom the ego need not keep clear",
+        "*_scale": SOFT,
+    }
 
     far: float = 100.0  # m, more than this counts as this
     margin: float = 0.0  # m, kept free before and behind the ego

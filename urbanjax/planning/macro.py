@@ -2,6 +2,7 @@
 
 import functools
 import operator
+from typing import ClassVar
 
 import jax.numpy as jnp
 from jax import Array
@@ -17,7 +18,7 @@ from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
 from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.situation import Situation
-from urbanjax.types import POSITIVE, field, pytree, static
+from urbanjax.types import POSITIVE, SOFT, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.limits import curve_speed
 from urbanjax.vehicle.profile import ProfileParams, free_flow
@@ -28,6 +29,8 @@ __all__ = ["MACRO_TERMS", "MacroParams", "MacroPlan", "layered_search", "offset_
 @pytree
 class MacroParams:
     """The lattice and what its edges cost."""
+
+    PINNED: ClassVar[dict[str, str]] = {"choice_scale": SOFT}
 
     horizon: float = field(default=8.0, metadata=POSITIVE)  # s, at the free-flow speed
     min_spacing: float = field(default=2.0, metadata=POSITIVE)  # m, between layers

@@ -1,5 +1,7 @@
 """Micro planning: the candidate that costs least and breaks no limit (Eq. 22-24)."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -9,7 +11,7 @@ from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.planning.primitives import Fan
-from urbanjax.types import Path, Prediction, pytree, static
+from urbanjax.types import SOFT, Path, Prediction, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -39,6 +41,8 @@ MIN_STEP, MIN_STEP_TIME = 1e-3, 1e-3  # m and s between two points, at the least
 class MicroWeights:
     """Weight of each of MICRO_TERMS; the unit of all of them is metres of way."""
 
+    PINNED: ClassVar[dict[str, str]] = {"length": "scale: the unit of all weights is metres of way"}
+
     length: float = 1.0  # per m
     obstacle: float = 1.0  # per m^2 of missing clearance and m of way
     curvature: float = 2.0  # per rad of turn
@@ -52,6 +56,19 @@ class MicroWeights:
 @pytree
 class MicroParams:
     """What candidates pay, and what makes them infeasible."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "kept": "safety: the clearance below which a candidate collides",
+        "collision_horizon": "safety: how far ahead a collision makes a candidate infeasible",
+        "horizon_fade": "safety: how far ahead a collision makes a candidate infeasible",
+        "max_*": "safety: a limit that makes a candidate infeasible",
+        "steering_*share": "safety: what the steering can follow",
+        "edge_tolerance": "safety: of leaving the road",
+        "settle": "safety: how long a limit may be exceeded",
+        "recovery*": "safety: how long and how far the road may be left",
+        "infeasible": "safety: the price of a broken limit",
+        "*_scale": SOFT,
+    }
 
     weights: MicroWeights = MicroWeights()
     clearance: ClearanceParams = ClearanceParams()

@@ -1,6 +1,7 @@
 """Motion primitives: a fan of candidate paths from the vehicle's state onto the macro plan (Eq. 16-21)."""
 
 import functools
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -27,9 +28,17 @@ RESAMPLINGS = ("exact", "spline")  # heading and curvature: of the quintics, or 
 class PrimitiveParams:
     """The grid of end states, and the station grid that all candidates share."""
 
+    PINNED: ClassVar[dict[str, str]] = {
+        "min_speed": "numerics: an end state is reached in finite time",
+        "low_speed": "numerics: below, quintics over time degenerate",
+        "low_speed_ramp": "numerics: quintics over time degenerate at low speed",
+        "*_spacing": "safety: of the points at which micro planning looks for collisions",
+    }
+
     offsets: tuple[float, ...] = (-1.2, -0.7, -0.3, 0.0, 0.3, 0.7, 1.2)  # m beside the macro plan
     durations: tuple[float, ...] = field(default=(2.0, 3.0, 4.5), metadata=POSITIVE)  # s
-    speed_factors: tuple[float, ...] = (0.5, 1.0)  # of the free-flow speed at that time
+    # of the free-flow speed at that time
+    speed_factors: tuple[float, ...] = field(default=(0.5, 1.0), metadata={"range": (0.0, np.inf)})
     accelerations: tuple[float, ...] = (0.0,)  # m/s^2, at the end
     deceleration: float = 4.0  # m/s^2, to reach a lower end speed
     min_speed: float = 0.5  # m/s, at the end

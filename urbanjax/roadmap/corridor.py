@@ -1,5 +1,7 @@
 """The corridor M_ext: the lanes across a route, on uniform stations along its reference line."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -66,6 +68,10 @@ class CorridorParams:
 @pytree
 class WindowParams:
     """The part of the route that one step looks at."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "behind": "definition: of the part of the route that is looked at, whose length is given",
+    }
 
     behind: float = 50.0  # m, how much of it lies behind the vehicle
     n_stations: int = static(default=256)  # W

@@ -1,5 +1,7 @@
 """Which lane a pose is on: the only place that finds a lane."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +20,10 @@ FAR = 1e6  # m, the distance of a link that does not count
 @pytree
 class LocateParams:
     """What counts against a lane, as metres added to its distance, and how far one is looked for."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "*": "fact: which lane somebody is on is so or not so, whatever the ego would like",
+    }
 
     max_distance: float = 5.0  # m from the centre line, beyond which a pose is on no lane
     heading_gate: float = 1.05  # rad, heading error beyond which a lane is taken only if no other is near

@@ -4,6 +4,8 @@ The pose is planar, so that all rings of a column look the same way in plan. Eac
 footprints once, in two dimensions, and its rings then choose among the few footprints that it meets first.
 """
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import jaxlie
@@ -26,6 +28,8 @@ PARALLEL = 1e-9  # slope of a ray along a surface: smaller ones count as this on
 @pytree
 class LidarParams:
     """One unit, level, mounted on the body frame (rear axle, on the ground). The defaults are an OS2 on the roof."""
+
+    PINNED: ClassVar[dict[str, str]] = {"*": "fact: of the sensor"}
 
     x: float = 1.2  # m, forward of the rear axle
     y: float = 0.0  # m, to the left

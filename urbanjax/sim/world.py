@@ -43,6 +43,8 @@ HARD = Relaxation()
 class SimParams:
     """Parameters of the simulator."""
 
+    PINNED: ClassVar[dict[str, str]] = {"*": "fact: of the world that is driven in"}
+
     UNREAD: ClassVar[dict[str, Unread | None]] = {
         "locate.max_distance": Unread("the ego is followed from link to link"),
         "locate.connectivity_penalty": Unread("the ego is followed from link to link"),

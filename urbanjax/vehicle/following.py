@@ -1,5 +1,7 @@
 """Car following: what a driver does behind a front vehicle, as an acceleration (IDM) or as a speed."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -27,6 +29,8 @@ class IDMParams:
 @pytree
 class HeadwayParams:
     """Constant time headway."""
+
+    PINNED: ClassVar[dict[str, str]] = {"jam_distance": "safety: the gap that is kept at standstill"}
 
     time_headway: float = 1.2  # s
     jam_distance: float = 3.0  # m

@@ -1,5 +1,7 @@
 """The vehicle's dimensions and limits."""
 
+from typing import ClassVar
+
 from jax import Array
 
 from urbanjax.types import POSITIVE, field, pytree
@@ -8,6 +10,8 @@ from urbanjax.types import POSITIVE, field, pytree
 @pytree
 class VehicleParams:
     """A mid-size car; the reference point is the centre of the rear axle."""
+
+    PINNED: ClassVar[dict[str, str]] = {"*": "fact: of the vehicle"}
 
     wheelbase: float = field(default=2.8, metadata=POSITIVE)  # m
     length: float = field(default=4.7, metadata=POSITIVE)  # m

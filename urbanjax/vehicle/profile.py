@@ -1,5 +1,7 @@
 """The speed that a vehicle would drive along a path with nobody in front."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -12,6 +14,8 @@ from urbanjax.types import pytree
 @pytree
 class ProfileParams:
     """How briskly a free-flow profile changes its speed."""
+
+    PINNED: ClassVar[dict[str, str]] = {"floor": "numerics: arrival times are finite at standstill"}
 
     acceleration: float = 1.5  # m/s^2
     deceleration: float = 2.0  # m/s^2, positive

@@ -1,7 +1,7 @@
 """What a waiting user sees: a bar that moves, and the table at the end."""
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from urbanjax.io.runs.report import cell
@@ -39,10 +39,10 @@ def bar(title: str) -> Iterator[Tick]:
         display.update(task, description="done", total=1.0, completed=1.0)
 
 
-def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
+def show_table(title: str, columns: Mapping[str, Sequence[Any]], *, texts: Collection[str] = ()) -> None:
     """Print the table.
 
-    Args: title above it; columns by heading.
+    Args: title above it; columns by heading; texts, headings of columns besides the first that stand left.
     """
     from rich import box
     from rich.console import Console
@@ -51,7 +51,7 @@ def show_table(title: str, columns: Mapping[str, Sequence[Any]]) -> None:
 
     shown = Table(title=escape(title), title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for i, name in enumerate(columns):
-        shown.add_column(escape(name), justify="left" if i == 0 else "right", no_wrap=i == 0)
+        shown.add_column(escape(name), justify="left" if i == 0 or name in texts else "right", no_wrap=i == 0)
     for row in zip(*columns.values(), strict=True):
         shown.add_row(*(escape(cell(value)) for value in row))
     Console().print(shown)

@@ -8,7 +8,7 @@ between two along the lane then has d'' = step / spacing^2 at its ends.
 """
 
 import functools
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from urbanjax.geometry.frenet import scale
 from urbanjax.numerics import lean, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.cross_section import CrossSections, drivable
-from urbanjax.types import pytree
+from urbanjax.types import SOFT, pytree
 from urbanjax.vehicle.params import VehicleParams
 
 
@@ -171,6 +171,13 @@ def join(
 @pytree
 class EdgeLimits:
     """What an edge may not exceed."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        "max_curvature": "safety: what an edge may not exceed",
+        "steering_share": "safety: what the steering can follow",
+        "tolerance": "safety: of leaving the road",
+        "*_scale": SOFT,
+    }
 
     max_curvature: float = 1.0  # 1/m, or what the steering allows where that is less
     steering_share: float = 1.0  # of the curvature that the steering allows

@@ -1,5 +1,7 @@
 """The lattice that macro planning searches: its nodes, and what nodes and edges cost (Eq. 13-14)."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +26,7 @@ from urbanjax.planning.lattice.edges import (
     steps_along,
 )
 from urbanjax.planning.previous import Previous, profile
-from urbanjax.types import Prediction, pytree, static
+from urbanjax.types import SOFT, Prediction, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -46,6 +48,16 @@ MACRO_TERMS = (
 @pytree
 class LatticeWeights:
     """What a plan pays, in metres of detour (length has weight 1), and what it may not do."""
+
+    PINNED: ClassVar[dict[str, str]] = {
+        # The weight of length is 1 by construction, so none of these is pinned for their unit.
+        "collision": "safety: the price of a collision",
+        "forbidden": "safety: the price of leaving the road and of breaking a limit",
+        "line": "safety: the price of a line that may not be crossed",
+        "max_slope": "safety: what an edge may not exceed",
+        "lateral_speed": "safety: what an edge may not exceed",
+        "*_scale": SOFT,
+    }
 
     obstacle: float = 1.0  # per m^2 of missing clearance and m of way
     clearance: float = 0.8  # m, below which clearance is missing
