@@ -19,6 +19,7 @@ from experiments.evaluate.study import EvaluateStudy
 from experiments.highway.study import HighwayStudy
 from experiments.localize.study import LocalizeStudy
 from experiments.map.study import MapStudy
+from experiments.parameters.study import ParameterStudy
 from experiments.plan.study import PlanStudy
 from experiments.racetrack.study import RacetrackStudy
 from experiments.recorded.study import RecordedStudy
@@ -41,6 +42,7 @@ STUDIES = {
     "localize": LocalizeStudy,
     "map": MapStudy,
     "overtake": OvertakeStudy,
+    "parameters": ParameterStudy,
     "plan": PlanStudy,
     "racetrack": RacetrackStudy,
     "recorded": RecordedStudy,

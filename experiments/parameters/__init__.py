@@ -1,0 +1,1 @@
+"""Which numbers of the closed loop may be tuned, and how."""
