@@ -12,6 +12,7 @@ for path in top.rglob("*.py"):
     if parts[1] != "io":
         importlib.import_module(".".join(parts))
 heavy = {"hydra", "omegaconf", "matplotlib", "gymnasium", "highway_env", "pyarrow", "jinja2"}
+heavy |= {"cmaes", "optax", "optuna"}
 print(*sorted(heavy & set(sys.modules)), *(["a device"] if xla_bridge.backends_are_initialized() else []))
 """
 

@@ -1,6 +1,26 @@
-"""What may be tuned of a closed loop, and the space in which it is."""
+"""What may be tuned of a closed loop, and searches for it at equal cost: by gradient, and the baselines beside it."""
 
+from urbanjax.tuning.cma_es import CmaEs
+from urbanjax.tuning.gradient_descent import GradientDescent
+from urbanjax.tuning.optimiser import Incumbent, Optimiser, replayed
+from urbanjax.tuning.random_search import RandomSearch
+from urbanjax.tuning.search import Generation, minimise
 from urbanjax.tuning.spaces import Space, space
+from urbanjax.tuning.tpe import Tpe
 from urbanjax.tuning.trainable import Trainable, trainables
 
-__all__ = ["Space", "Trainable", "space", "trainables"]
+__all__ = [
+    "CmaEs",
+    "Generation",
+    "GradientDescent",
+    "Incumbent",
+    "Optimiser",
+    "RandomSearch",
+    "Space",
+    "Tpe",
+    "Trainable",
+    "minimise",
+    "replayed",
+    "space",
+    "trainables",
+]

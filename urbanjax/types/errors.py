@@ -35,3 +35,18 @@ class ProcessError(UrbanJaxError):
 
 class TrafficError(UrbanJaxError):
     """A course, an area or another input of the traffic analysis is out of range."""
+
+
+class TuningError(UrbanJaxError):
+    """A search over parameters cannot go on: its settings, losses, gradients or history are not what it needs."""
+
+
+class GradientError(TuningError):
+    """A gradient is not finite: `restart` and `parameter` say in which point and which of its elements."""
+
+    def __init__(self, *, restart: int, parameter: int) -> None:
+        super().__init__(
+            f"the gradient of restart {restart} is not finite in parameter {parameter}: pin this parameter, or move "
+            "the start to where the loss is differentiable"
+        )
+        self.restart, self.parameter = restart, parameter
