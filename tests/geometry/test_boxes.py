@@ -185,3 +185,28 @@ def test_modes_and_broadcasting_of_the_relaxed_gap():
     np.testing.assert_allclose(through, hard, rtol=1e-6)
     warm = boxes.relaxed_box_gap(a, b, relaxation=Relaxation(0.1, "soft"), scale=2.0)
     np.testing.assert_array_equal(warm, boxes.soft_box_gap(a, b, temperature=0.2))
+
+
+def test_the_derivative_of_the_soft_gap_is_that_of_its_formula(x64):
+    rng = np.random.default_rng(5)
+
+    def some(*shape):
+        heading = rng.uniform(-3, 3, shape)
+        heading[..., 0] = 0.0  # parallel ones among them
+        place = rng.normal(size=(2, *shape)) * 4
+        sizes = rng.uniform(1, 3, shape), rng.uniform(0.5, 1.2, shape)
+        return boxes.Box(*(jnp.asarray(x) for x in (*place, np.cos(heading), np.sin(heading), *sizes)))
+
+    pair = some(60, 1), some(1, 7)
+    leaves, structure = jax.tree.flatten((*pair, jnp.asarray(0.2)))
+    along = [jnp.asarray(rng.normal(size=leaf.shape)) for leaf in leaves]
+
+    @jax.jit
+    def gap(shift):
+        a, b, width = jax.tree.unflatten(structure, [x + shift * d for x, d in zip(leaves, along, strict=True)])
+        return boxes.soft_box_gap(a, b, temperature=width)
+
+    step = 1e-6
+    _, slope = jax.jvp(gap, (0.0,), (1.0,))
+    difference = (np.asarray(gap(step)) - np.asarray(gap(-step))) / (2 * step)
+    np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-7)

@@ -9,7 +9,8 @@ from jaxtyping import Float
 from urbanjax.geometry import frenet
 from urbanjax.numerics import polynomial, safe, soft
 from urbanjax.numerics.once import once
-from urbanjax.planning.clearance import Passage, gaps
+from urbanjax.planning.clearance import Passage
+from urbanjax.planning.nearest import nearest
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.progress import Sample
 from urbanjax.types import SOFT, Path, Prediction, pytree
@@ -70,8 +71,7 @@ def room_along(
     passage = Passage(
         position=path.position, heading=path.heading, time=time, step=step, step_time=jnp.diff(time, prepend=time[:1])
     )
-    room = gaps(passage, driving, prediction=prediction, ignored=follower)
-    nearest = soft.minimum(room, relaxation, scale=params.gap_scale)
+    room = nearest(passage, driving, prediction=prediction, ignored=follower)
     # Clearance beyond the horizon counts less and less within its last second, so that no object enters with a jump.
     counts = jnp.clip(horizon - time, 0.0, 1.0)
-    return soft.minimum(nearest + (1 - counts) * params.far, relaxation, scale=params.gap_scale)
+    return soft.minimum(room + (1 - counts) * params.far, relaxation, scale=params.gap_scale)

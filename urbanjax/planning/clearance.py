@@ -81,18 +81,34 @@ def gaps(
     one step against a parked car, not at all behind a leader of equal speed. Args: passage, of the ego; driving, with
     ClearanceParams; prediction, of everybody else; ignored [B], degree to which an object does not count.
     """
-    origin, params = passage.position[0], driving.params
-    ego = ego_boxes(passage, driving.vehicle, origin=origin)
-    other = predicted_boxes(prediction, passage.time, origin=origin)
+    boxes = predicted_boxes(prediction, passage.time, origin=passage.position[0])
+    others = Others(boxes, *(x[None, :] for x in (prediction.speed, prediction.valid, ignored)))
+    return gaps_to(others, driving, passage=passage)
+
+
+@pytree
+class Others:
+    """C boxes at each of n points, or the same at all."""
+
+    box: Box  # [n, C]
+    speed: Array  # [n or 1, C] m/s
+    valid: Array  # [n or 1, C] bool
+    ignored: Array  # [n or 1, C] degree to which it does not count
+
+
+def gaps_to(others: Others, driving: Driving, *, passage: Passage) -> Float[Array, "n c"]:
+    """Signed gap [n, C] (m) to some boxes, see `gaps`. Args: others; driving; passage [n], of the ego."""
+    params = driving.params
+    ego, other = ego_boxes(passage, driving.vehicle, origin=passage.position[0]), others.box
     half_length = ego.half_length + params.margin
     if passage.step is not None and passage.step_time is not None:
         along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
-        swept = passage.step[:, None] - prediction.speed[None, :] * along * passage.step_time[:, None]
+        swept = passage.step[:, None] - others.speed * along * passage.step_time[:, None]
         half_length = half_length + jnp.abs(swept) / 2
     ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
     room = relaxed_box_gap(ego, other, relaxation=driving.relaxation, scale=params.gap_scale)
-    room = room + params.far * ignored[None, :]
-    valid = jnp.broadcast_to(prediction.valid[None, :], room.shape)
+    room = room + params.far * others.ignored
+    valid = jnp.broadcast_to(others.valid, room.shape)
     return lean.minimum(lean.where(valid, room, params.far), params.far)
 
 

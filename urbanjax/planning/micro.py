@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from urbanjax.numerics import lean, polynomial, safe, soft
 from urbanjax.planning import costs
-from urbanjax.planning.clearance import ClearanceParams, Passage, gaps
+from urbanjax.planning.clearance import ClearanceParams, Passage
+from urbanjax.planning.nearest import nearest
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.planning.primitives import Fan
 from urbanjax.types import SOFT, Path, Prediction, pytree, static
@@ -173,8 +174,8 @@ def clearance(fan: Fan, driving: Driving, *, prediction: Prediction) -> Float[Ar
     params = driving.params.clearance
     time = fan.time.reshape(-1)
     passage = Passage(fan.position.reshape(-1, 2), fan.heading.reshape(-1), time)
-    room = gaps(passage, driving.of(params), prediction=prediction, ignored=fan.follower)
-    return soft.minimum(room, driving.relaxation, scale=params.gap_scale).reshape(fan.time.shape)
+    room = nearest(passage, driving.of(params), prediction=prediction, ignored=fan.follower)
+    return room.reshape(fan.time.shape)
 
 
 def weighted_terms(

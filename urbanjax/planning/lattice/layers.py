@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from urbanjax.geometry import frenet
 from urbanjax.numerics import lean, soft
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.planning.clearance import Passage, gaps
+from urbanjax.planning.clearance import Passage
 from urbanjax.planning.costs import BARRIERS, CURVATURE_ROUNDING, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
 from urbanjax.planning.lattice.edges import (
@@ -25,6 +25,7 @@ from urbanjax.planning.lattice.edges import (
     sharpest,
     steps_along,
 )
+from urbanjax.planning.nearest import nearest
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.types import SOFT, Prediction, pytree, static
 from urbanjax.vehicle.driving import Driving
@@ -152,8 +153,7 @@ def clearance(
         step=each(jnp.broadcast_to(lattice.spacing, shape[:1])),
         step_time=each(lattice.step_time),
     )
-    room = gaps(passage, driving, prediction=prediction, ignored=follower)
-    return soft.minimum(room, driving.relaxation, scale=driving.params.gap_scale).reshape(shape)
+    return nearest(passage, driving, prediction=prediction, ignored=follower).reshape(shape)
 
 
 def centred(lattice: Lattice, weights: LatticeWeights, *, room: Float[Array, "s m"]) -> tuple[Lattice, Array]:
