@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from urbanjax.io.runs import compile_cache, interpolation, parameter_file, presets, processes
 from urbanjax.io.runs.directory import COMPLETE, FAILED, Run
-from urbanjax.io.runs.disk import is_of_disk, of_disk
+from urbanjax.io.runs.disk import RUN_KEY, SWEEP_KEY, is_of_disk, of_disk
 from urbanjax.io.runs.evaluations import Evaluation
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.axes import stands_for_several
@@ -112,7 +112,7 @@ class Program(Generic[T]):
                     with compile_cache.kept(run, anew=self.anew):
                         self.body(asked.params, run)
         except Exception as error:  # an engine may keep it to itself
-            said = of_disk(error, folder) if is_of_disk(error) else " ".join(str(error).split())
+            said = of_disk(error, folder, keys=[SWEEP_KEY]) if is_of_disk(error) else " ".join(str(error).split())
             print(f"job {folder.name}: {said}", file=sys.stderr, flush=True)
             raise
 
@@ -133,7 +133,7 @@ class Program(Generic[T]):
                 folder.rmdir()  # nothing was written
             if isinstance(error, OSError) and not is_of_disk(error):
                 raise
-            stop(of_disk(error, folder) if isinstance(error, OSError) else str(error))
+            stop(of_disk(error, folder, keys=[RUN_KEY]) if isinstance(error, OSError) else str(error))
 
 
 def job_run(folder: Path, config: Any) -> Run:

@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 from urbanjax.io.runs.report import cell
 
+WIDEST = 10_000  # letters of a line, of which no terminal has that many
+
 
 class Tick(Protocol):
     """Told what is being done and the share that is done (None: not known)."""
@@ -40,18 +42,32 @@ def bar(title: str) -> Iterator[Tick]:
 
 
 def show_table(title: str, columns: Mapping[str, Sequence[Any]], *, texts: Collection[str] = ()) -> None:
-    """Print the table.
+    """Print the table, lying on its side where it is too wide and has fewer rows than columns.
 
     Args: title above it; columns by heading; texts, headings of columns besides the first that stand left.
     """
-    from rich import box
     from rich.console import Console
+
+    console = Console()
+    rows = list(zip(*columns.values(), strict=True))
+    shown = _table(title, list(columns), rows=rows, texts=texts)
+    if (
+        len(rows) < len(columns)
+        and console.measure(shown, options=console.options.update(max_width=WIDEST)).maximum > console.width
+    ):
+        first, *others = zip(columns, *rows, strict=True)
+        shown = _table(title, list(map(str, first)), rows=others)
+    console.print(shown)
+
+
+def _table(title: str, names: Sequence[str], *, rows: Sequence[Sequence[Any]], texts: Collection[str] = ()) -> Any:
+    from rich import box
     from rich.markup import escape
     from rich.table import Table
 
     shown = Table(title=escape(title), title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
-    for i, name in enumerate(columns):
+    for i, name in enumerate(names):
         shown.add_column(escape(name), justify="left" if i == 0 or name in texts else "right", no_wrap=i == 0)
-    for row in zip(*columns.values(), strict=True):
+    for row in rows:
         shown.add_row(*(escape(cell(value)) for value in row))
-    Console().print(shown)
+    return shown

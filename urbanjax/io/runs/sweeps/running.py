@@ -2,13 +2,14 @@
 
 import contextlib
 import dataclasses
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from urbanjax.io.runs import interpolation, parameter_file, program
 from urbanjax.io.runs.directory import COMPLETE, FAILED
-from urbanjax.io.runs.disk import is_of_disk, of_disk
+from urbanjax.io.runs.disk import SWEEP_KEY, is_of_disk, of_disk
 from urbanjax.io.runs.processes import OWN
 from urbanjax.io.runs.sweeps import plan
 from urbanjax.io.runs.sweeps.axes import Axis
@@ -100,7 +101,7 @@ def run(
     first = process == 0
     with plan.held(folder, wait=False) if first else contextlib.nullcontext():
         if first:
-            planned.write(folder)
+            _planned(planned, folder)
         left = [job for job in planned.jobs if plan.status_of(folder / job.name) != COMPLETE]
         done = f", {len(planned.jobs) - len(left)} of them done before" if len(left) < len(planned.jobs) else ""
         print(f"sweep {planned.sweep}: {len(planned.jobs)} jobs{done}, in {folder}", flush=True)
@@ -110,18 +111,32 @@ def run(
         if error:
             raise UrbanJaxError(f"process {process}: {error}")
         return
-    error = "; ".join(filter(None, (error, unreported)))
+    print(f"run directory: {os.path.relpath(folder)}", flush=True)
+    error = "; ".join(dict.fromkeys(filter(None, (error, unreported))))
     states = {job.name: plan.status_of(folder / job.name) for job in planned.jobs}
     failed = [name for name, state in states.items() if state == FAILED]
     missing = [name for name, state in states.items() if state is None]
-    if failed or missing or error:
+    if error and not failed and not missing:
+        raise UrbanJaxError(
+            f"all {len(states)} jobs are done, but not all is written [{error}]: give the command again"
+        )
+    if failed or missing:
         told = [f"{len(failed)} failed ({_some(failed)})"] * bool(failed)
         told += [f"{len(missing)} are missing ({_some(missing)})"] * bool(missing)
         why = f" [{error}]" if error else ""
         raise UrbanJaxError(
-            f"of {len(states)} jobs {' and '.join(told) or 'all are done'}{why}; the same command goes on with them"
+            f"of {len(states)} jobs {' and '.join(told)}{why}; the same command goes on with them"
             + ("" if unreported else f", {folder}/report.html says why")
         )
+
+
+def _planned(planned: SweepDesign, folder: Path) -> None:
+    try:
+        planned.write(folder)
+    except OSError as error:
+        if not is_of_disk(error):
+            raise
+        raise UrbanJaxError(of_disk(error, folder, keys=[SWEEP_KEY])) from error
 
 
 def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[PlannedJob], folder: Path) -> str:
@@ -133,7 +148,7 @@ def _launched(launch: Callable[[Sequence[PlannedJob]], None], left: Sequence[Pla
         raise
     except Exception as error:
         said = " ".join(str(error).split())[:MOST]
-        return of_disk(error, folder) if is_of_disk(error) else f"{type(error).__name__}: {said}"
+        return of_disk(error, folder, keys=[SWEEP_KEY]) if is_of_disk(error) else f"{type(error).__name__}: {said}"
     return ""
 
 
@@ -144,7 +159,7 @@ def _reported(report: Callable[[Path], Any], folder: Path) -> str:
     except OSError as error:
         if not is_of_disk(error):
             raise
-        return of_disk(error, folder)
+        return of_disk(error, folder, keys=[SWEEP_KEY])
     return ""
 
 
