@@ -7,6 +7,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, polynomial, safe, soft
+from urbanjax.numerics.tiles import by_tiles
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage
 from urbanjax.planning.nearest import nearest
@@ -35,6 +36,7 @@ REASONS = (
     "collision",
     "off_road",
 )
+TILE = int(__import__("os").environ.get("MT", "7"))  # candidates
 MIN_STEP, MIN_STEP_TIME = 1e-3, 1e-3  # m and s between two points, at the least, since rates are divided by them
 
 
@@ -122,8 +124,7 @@ def select(fan: Fan, driving: Driving, *, prediction: Prediction, previous: Prev
     """
     params, relaxation = driving.params, driving.relaxation
     room = clearance(fan, driving, prediction=prediction)
-    terms = weighted_terms(fan, params, room=room, previous=previous)
-    margins = limit_margins(fan, driving, room=room)
+    terms, margins = judged(fan, driving, room=room, previous=previous)
     change, collision = params.acceleration_scale, params.collision_scale
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
     broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
@@ -156,6 +157,26 @@ def select(fan: Fan, driving: Driving, *, prediction: Prediction, previous: Prev
         feasible=feasible,
         clearance=clear,
     )
+
+
+def judged(
+    fan: Fan, driving: Driving, *, room: Float[Array, "j k"], previous: Previous
+) -> tuple[Float[Array, "j c"], Float[Array, "j r"]]:
+    """What each candidate costs, see `weighted_terms`, and how far it stays within each limit, see `limit_margins`.
+
+    Args: fan, of candidates; driving, with MicroParams; room [J, K] m, clearance at each point; previous, the plan of
+    the step before.
+    """
+
+    def each(shared: tuple, rows: tuple) -> tuple[Array, Array]:
+        (driving, previous, fan), (own, room) = shared, rows
+        some = fan.replace(**own)
+        terms = weighted_terms(some, driving.params, room=room, previous=previous)
+        return terms, limit_margins(some, driving, room=room)
+
+    own = {name: getattr(fan, name) for name in ("offset", "position", "heading", "curvature", "time", "speed")}
+    shared = fan.replace(**dict.fromkeys(own), end=None, follower=None)
+    return by_tiles(each, (driving, previous, shared), rows=(own, room), size=TILE)
 
 
 def fade(time: Float[Array, "*s"], params: MicroParams) -> Float[Array, "*s"]:

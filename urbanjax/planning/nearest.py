@@ -5,8 +5,6 @@ points and boxes is memory traffic: ten times the forward pass. The derivative h
 of each point, which are looked up again by number.
 """
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
@@ -15,7 +13,9 @@ from jaxtyping import Float, Int
 from urbanjax.geometry.boxes import Box
 from urbanjax.numerics import lean, soft
 from urbanjax.numerics.once import once
-from urbanjax.planning.clearance import Others, Passage, gaps, gaps_to
+from urbanjax.numerics.soft import Relaxation
+from urbanjax.numerics.tiles import in_tiles
+from urbanjax.planning.clearance import ClearanceParams, Others, Passage, gaps, gaps_to
 from urbanjax.types import Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
@@ -74,7 +74,10 @@ def _valued(meeting: Meeting) -> Meeting:
 def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Array, Array]:
     (meeting,), (change,) = primals, tangents
     mode = meeting.driving.relaxation.mode
-    seen = tiled(looked, meeting)
+    valued, relaxation, params = _valued(meeting), meeting.driving.relaxation, meeting.driving.params
+    # Two loops: in one, whatever reads the gaps would have them computed anew.
+    room = in_tiles(lambda passage: valued.replace(passage=passage).all_gaps(), meeting.passage, size=TILE)
+    seen = in_tiles(lambda some: looked(some, relaxation, params=params), room, size=TILE)
     structure = jax.tree.structure(meeting.relaxed("hard" if mode == "hard" else "soft"))
     _, changes = jax.jvp(
         lambda leaves: jax.tree.unflatten(structure, leaves).some_gaps(seen.index),
@@ -84,8 +87,8 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
     by_gap = jnp.sum(seen.weight * changes, axis=1) + seen.far * change.driving.params.far
     if mode == "hard":
         return seen.value, by_gap
-    relaxation, scale = meeting.driving.relaxation, meeting.driving.params.gap_scale
-    warmer = change.driving.relaxation.temperature * scale + relaxation.temperature * change.driving.params.gap_scale
+    changed = change.driving
+    warmer = changed.relaxation.temperature * params.gap_scale + relaxation.temperature * changed.params.gap_scale
     return seen.value, by_gap + seen.by_temperature * warmer
 
 
@@ -100,16 +103,14 @@ class Looked:
     by_temperature: Array  # [n] derivative of the softmin by its temperature, gaps held
 
 
-def looked(meeting: Meeting) -> Looked:
-    """What one look at all boxes tells. Args: meeting."""
-    mode, params = meeting.driving.relaxation.mode, meeting.driving.params
-    room = _valued(meeting).all_gaps()
+def looked(room: Float[Array, "n b"], relaxation: Relaxation, *, params: ClearanceParams) -> Looked:
+    """What the gaps to all boxes tell. Args: room [n, B] m; relaxation, of the smallest; params."""
     least = jnp.min(room, axis=1)
-    if mode == "hard":
+    if relaxation.mode == "hard":
         index, none = jnp.argmin(room, axis=1)[:, None], jnp.zeros_like(least)
         return Looked(least, index, jnp.ones_like(least)[:, None], none, none)
     index = smallest(room, min(GRADED, room.shape[1]))
-    temperature = meeting.driving.relaxation.temperature * params.gap_scale
+    temperature = relaxation.temperature * params.gap_scale
     above = (room - least[:, None]) / temperature
     shares = jnp.exp(-above)
     total = jnp.sum(shares, axis=1)
@@ -119,22 +120,12 @@ def looked(meeting: Meeting) -> Looked:
     beyond = near * temperature + least[:, None] >= params.far
     far = jnp.sum(jnp.where(room >= params.far, shares, 0), axis=1) / total
     return Looked(
-        value=least - temperature * jnp.log(total) if mode == "soft" else least,
+        value=least - temperature * jnp.log(total) if relaxation.mode == "soft" else least,
         index=index,
         weight=weight,
         far=far - jnp.sum(jnp.where(beyond, weight, 0), axis=1),
         by_temperature=-jnp.log(total) - jnp.sum(shares * above, axis=1) / total,
     )
-
-
-def tiled(look: Callable[[Meeting], Looked], meeting: Meeting) -> Looked:
-    """A look at TILE points after the other, whose arrays stay in the processor's cache. Args: look; meeting."""
-    count = meeting.passage.heading.shape[0]
-    size = -(-count // -(-count // TILE))  # as few tiles as can be, filled evenly
-    filled = jax.tree.map(lambda x: jnp.concatenate([x, jnp.repeat(x[-1:], -count % size, axis=0)]), meeting.passage)
-    tiles = jax.tree.map(lambda x: x.reshape(-1, size, *x.shape[1:]), filled)
-    seen = lax.map(lambda passage: look(meeting.replace(passage=passage)), tiles)
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], seen)
 
 
 def smallest(gap: Float[Array, "n b"], count: int) -> Int[Array, "n c"]:
