@@ -36,7 +36,7 @@ REASONS = (
     "collision",
     "off_road",
 )
-TILE = int(__import__("os").environ.get("MT", "7"))  # candidates
+TILE = 7  # candidates whose costs are differentiated at once
 MIN_STEP, MIN_STEP_TIME = 1e-3, 1e-3  # m and s between two points, at the least, since rates are divided by them
 
 

@@ -20,7 +20,7 @@ from urbanjax.types import Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
 GRADED = 4  # boxes at each point that a derivative reaches
-TILE = 246  # points
+TILE = 246  # points looked at together
 LIFT = 256.0  # m, added to gaps so that their bits are ordered as they are; smaller ones than its negative are that
 
 
