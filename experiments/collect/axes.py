@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from experiments.collect.sweeps import SweepJob, SweepPlan
+from experiments.collect.units import NO_UNIT, known_numbers
 from urbanjax.io.runs.processes import OWN
 from urbanjax.types import host_record
 from urbanjax.types.unread import changed
 
 SAMPLED = ("sobol", "lhs")
 APART = (*OWN, "worst", "logs", "dirs")  # they change no number
-LONGEST = 28  # characters of a value in a label
+LONGEST, LONGEST_UNIT = 28, 16  # characters of a value, and of a unit, in a label
 
 
 @host_record
@@ -26,6 +27,20 @@ class SweepAxis:
     values: tuple  # each once; numbers rise, all else is as it was planned
     numeric: bool
     log: bool  # evenly spaced in the logarithm
+    asked: tuple[float, float] | None = None  # the range that its values were to be of, where the plan tells it
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # what it may be at all
+    unit: str = ""  # where it has one that is known
+
+    @property
+    def title(self) -> str:
+        """Its name with its unit, for an axis of a figure."""
+        return f"{self.label} [{self.unit}]" if 0 < len(self.unit) <= LONGEST_UNIT else self.label
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """From where to where it goes: the range asked for, else its least and greatest value."""
+        low, high = self.asked or (self.values[0], self.values[-1])
+        return float(low), float(high)
 
     @property
     def sampled(self) -> bool:
@@ -56,13 +71,21 @@ def axes_of(plans: Sequence[SweepPlan], jobs: Sequence[SweepJob]) -> list[SweepA
         for key in [*plan.axes, *overridden]:
             axis = dict(plan.axes.get(key, {}))
             known = told.setdefault(key, axis)
-            told[key] = axis if axis.get("kind") in SAMPLED else known
+            told[key] = _together(axis if axis.get("kind") in SAMPLED else known, [known, axis])
     for plan in plans[1:]:
         for key in changed(plan.config, plans[0].config):
             if key not in APART:
                 told.setdefault(key, {"kind": "between sweeps"})
     labels = short_labels(list(told))
     return [_axis(key, axis, labels[key], jobs) for key, axis in told.items()]
+
+
+def _together(axis: Mapping[str, Any], parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """An axis of several sweeps: its range holds all of theirs, and is not known where that of one is not."""
+    ends = {name: [part.get(name) for part in parts] for name in ("low", "high")}
+    if not all(is_number(value) for values in ends.values() for value in values):
+        return {name: value for name, value in axis.items() if name not in ends}
+    return {**axis, "low": min(ends["low"]), "high": max(ends["high"])}
 
 
 def _axis(key: str, axis: Mapping[str, Any], label: str, jobs: Sequence[SweepJob]) -> SweepAxis:
@@ -72,8 +95,22 @@ def _axis(key: str, axis: Mapping[str, Any], label: str, jobs: Sequence[SweepJob
     if numeric:
         values = sorted(set(values))
     kind = str(axis.get("kind", "choice"))
-    log = numeric and min(values) > 0 and (kind == "logspace" or axis.get("log") is True or _geometric(values))
-    return SweepAxis(key, label, kind, tuple(values), numeric, bool(log))
+    asked = _asked(axis, values, numeric)
+    positive = numeric and min(values) > 0 and (asked is None or asked[0] > 0)
+    log = positive and (kind == "logspace" or axis.get("log") is True or _geometric(values))
+    known = known_numbers().get(key)
+    about = {"bounds": (known.low, known.high), "unit": "" if known.unit == NO_UNIT else known.unit} if known else {}
+    return SweepAxis(key, label, kind, tuple(values), numeric, bool(log), asked, **about)
+
+
+def _asked(axis: Mapping[str, Any], values: Sequence[Any], numeric: bool) -> tuple[float, float] | None:
+    """The range that a plan tells, where it holds all values: plans of before tell none."""
+    low, high = axis.get("low"), axis.get("high")
+    if not (numeric and is_number(low) and is_number(high)):
+        return None
+    # What is computed in the logarithm may end a rounding error past the range.
+    slack = 1e-9 * max(abs(low), abs(high))
+    return (float(low), float(high)) if low - slack <= values[0] and values[-1] <= high + slack else None
 
 
 def _geometric(values: Sequence[Any]) -> bool:

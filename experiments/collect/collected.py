@@ -1,9 +1,10 @@
 """What there is of one experiment: its sweeps, jobs, axes and scores."""
 
+import math
 from collections.abc import Sequence
 
 from experiments.collect.axes import SweepAxis
-from experiments.collect.scores import Evidence, SweepScore, chosen, ranked
+from experiments.collect.scores import SECOND, Evidence, SweepScore, chosen, ranked
 from experiments.collect.study import CollectStudy
 from experiments.collect.sweeps import SweepJob, SweepPlan
 from urbanjax.io.runs.directory import COMPLETE
@@ -34,6 +35,18 @@ class Collected:
         return [axis for axis in self.axes if axis.varies]
 
     @property
+    def tied(self) -> list[SweepJob]:
+        """The best jobs: all that have the best value, to rounding."""
+        value = [self.evidence.of(job, self.scores[0].name).value for job in self.ranking]
+        return [job for job, each in zip(self.ranking, value, strict=True) if math.isclose(each, value[0])]
+
+    def constant(self, name: str) -> bool:
+        """Whether a score is known of several jobs and the same in all. Args: name of it."""
+        value = [self.evidence.of(job, name).value for job in self.complete]
+        value = [each for each in value if math.isfinite(each)]
+        return len(value) > 1 and min(value) == max(value)
+
+    @property
     def known(self) -> list[SweepScore]:
         """The scores that some job has."""
         return [score for score in self.scores if ranked(self.complete, self.evidence, score)]
@@ -49,7 +62,7 @@ def collected(
 ) -> Collected:
     """Read what the jobs of one experiment found. Args: plans; jobs, each once; axes; alone, if no other is."""
     scores = chosen(params, jobs)
-    evidence = Evidence(jobs, [score.name for score in scores])
+    evidence = Evidence(jobs, list(dict.fromkeys((*(score.name for score in scores), SECOND))))
     experiment = plans[0].experiment
     return Collected(
         experiment=experiment,

@@ -116,6 +116,11 @@ class Evidence:
             return statistics.rate(values[: len({start for part in drives for start in part.starts})].astype(bool))
         return statistics.mean(values, groups=scene)
 
+    def counts(self, job: SweepJob) -> tuple[int, int]:
+        """How many drives there are of a job, and on how many roads or recordings. Args: job."""
+        drives = self.drives.get(job.title)
+        return (len(drives.scene), len(np.unique(drives.scene))) if drives else (0, 0)
+
     def difference(
         self, pairs: Sequence[tuple[SweepJob, SweepJob]], name: str, *, axis: str = ""
     ) -> tuple[WithInterval, int]:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.collect import figures, figures_of_many, responses, sensitivity, tables
-from experiments.collect.axes import SweepAxis, setting
+from experiments.collect import figures, figures_of_many, headline, responses, sensitivity, tables
+from experiments.collect.axes import SweepAxis
 from experiments.collect.collected import Collected
-from experiments.collect.sweeps import SweepCoverage, SweepJob, at
+from experiments.collect.sweeps import SweepCoverage, SweepJob
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.report import Picture, Section, Table
 from urbanjax.types import UrbanJaxError
@@ -19,16 +19,11 @@ MOST_PAIRS = 6  # heat maps
 MOST_NAMES = 40  # bars of one figure
 Items = list[Table | Picture | str]
 
-BRACKETS = "Brackets and whiskers are 95 % intervals: "
-OF_DRIVES = "of shares Wilson's, of means and paired differences from drawing whole roads or recordings of the drives."
-OF_SUMMARIES = "those of the jobs' own summaries; a mean over jobs has the mean of theirs, as if all erred alike."
-NO_ROWS = "The jobs hold no drives, so nothing can be compared drive by drive: differences are left out."
-
 
 def of_part(part: Collected, run: Run) -> list[Section]:
     """All that is said of one experiment. Args: part; run that the figures are written into."""
     suffix = f" ({part.experiment})" if part.prefix else ""
-    found = {"What was asked": asked(part), "What came out": headline(part)}
+    found = {"What was asked": asked(part), "What came out": headline.came_out(part)}
     if part.known:
         found["Response to each axis"] = numbers(part, run)
         found["By name"] = names(part, run)
@@ -53,54 +48,6 @@ def asked(part: Collected) -> Items:
     if single:
         items.append(f"One value alone, so no figures: {', '.join(single)}.")
     return [*items, Table("Sweeps", sweeps), *([Table("Axes", axes)] if part.axes else [])]
-
-
-def headline(part: Collected) -> Items:
-    """The best job, how sure that is, and what it is better than."""
-    if not part.ranking:
-        why = (
-            f"none of the {len(part.complete)} complete jobs has one that is finite"
-            if part.complete
-            else "no job is complete"
-        )
-        asked_for = part.scores[0].name if part.scores else "a score"
-        return [f"There is no best job: {asked_for} is not known, since {why}.", *_unreadable(part)]
-    best, score = part.ranking[0], part.scores[0]
-    value = tables.text(part.evidence.of(best, score.name))
-    items: Items = [
-        f"Best of {len(part.ranking)} jobs by {score.told} is {best.title} with {value}: {setting(best, part.axes)}. "
-        f"{part.prefix}best.yaml holds its values. A best of many is in part luck: "
-        "the interval is that of this job alone.",
-        BRACKETS + (OF_DRIVES if part.evidence.drives else OF_SUMMARIES),
-    ]
-    unknown = len(part.complete) - len(part.ranking)
-    if unknown:
-        items.append(f"{unknown} complete jobs have no finite {score.name}: they stand in no figure.")
-    items += _unreadable(part)
-    rest = _compared(part)
-    if rest and part.evidence.drives:
-        caption = "Paired differences over the same drives (driver, traffic, mission and seed)"
-        items.append(
-            Table(caption, tables.differences(best, rest, axes=part.axes, evidence=part.evidence, scores=part.known))
-        )
-    elif rest:
-        items.append(NO_ROWS)
-    order = part.ranking[:10]
-    return [*items, Table("The best jobs", tables.best_jobs(order, part.axes, part.evidence, part.known))]
-
-
-def _unreadable(part: Collected) -> Items:
-    return [f"{title}: {why}; its summary is used instead." for title, why in part.evidence.unreadable.items()]
-
-
-def _compared(part: Collected) -> dict[str, SweepJob]:
-    """What the best job is compared with, by who it is."""
-    rest = dict(zip(["second best"], part.ranking[1:], strict=False))
-    defaults = {axis.key: at(part.plans[0].config, axis.key) for axis in part.axes}
-    nearest = responses.nearest_defaults(part.ranking, part.axes, defaults=defaults)
-    if nearest is not None and nearest is not part.ranking[0]:
-        rest["nearest to the values without overrides"] = nearest
-    return rest
 
 
 def numbers(part: Collected, run: Run) -> Items:

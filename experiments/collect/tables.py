@@ -73,7 +73,7 @@ def asked(plans: Sequence[SweepPlan], axes: Sequence[SweepAxis]) -> tuple[Column
         "sweep": [plan.name for plan in plans],
         "experiment": [plan.experiment for plan in plans],
         "jobs": [len(plan.jobs) for plan in plans],
-        "code": [plan.code[:12] or None for plan in plans],
+        "sources (hash)": [plan.code[:12] or None for plan in plans],
         "command": [plan.command or None for plan in plans],
     }
     return sweeps, {
@@ -83,12 +83,14 @@ def asked(plans: Sequence[SweepPlan], axes: Sequence[SweepAxis]) -> tuple[Column
         "scale": ["logarithmic" if axis.log else "linear" if axis.numeric else "names" for axis in axes],
         "values": [len(axis.values) for axis in axes],
         "from, to, or which": [_extent(axis) for axis in axes],
+        "unit": [axis.unit or None for axis in axes],
     }
 
 
 def _extent(axis: SweepAxis) -> str:
     if axis.numeric and axis.varies:
-        return f"{shown(axis.values[0])} to {shown(axis.values[-1])}"
+        text = f"{shown(axis.ends[0])} to {shown(axis.ends[1])}"
+        return text if axis.asked or not axis.sampled else f"{text} (those drawn)"
     return "; ".join(map(shown, axis.values[:8])) + ("; ..." if len(axis.values) > 8 else "")
 
 

@@ -32,6 +32,8 @@ class Axis:
     kind: str  # choice, linspace, logspace, sobol or lhs
     values: tuple[Any, ...]
     log: bool = False
+    low: float | None = None  # the range asked for; of a choice there is none
+    high: float | None = None
 
     @property
     def joint(self) -> str:
@@ -65,7 +67,7 @@ def axes_of(asked: Mapping[str, Sequence[Any]], *, seed: int = 0) -> list[Axis]:
         if ranges:
             unit = _sample(kind, next(iter(counts.values())), len(ranges), seed)
             drawn |= {
-                key: Axis(key, kind, tuple(_scaled(unit[:, k], one)), one.log)
+                key: Axis(key, kind, tuple(_scaled(unit[:, k], one)), one.log, one.low, one.high)
                 for k, (key, one) in enumerate(ranges.items())
             }
     return [drawn.get(key, one) for key, one in found.items()]
@@ -107,11 +109,15 @@ def _axis(key: str, values: Sequence[Any]) -> Axis | _Range:
         raise ConfigError(f"'{key}' has a value that is not finite: leave it out")
     ranges = [_range(key, value) for value in values]
     if len(values) == 1 and (one := ranges[0]) is not None:
-        return one if one.kind in SAMPLES else Axis(key, one.kind, tuple(_grid(one)), one.log)
+        return one if one.kind in SAMPLES else _spaced(key, one)
     if any(one is not None and one.kind in SAMPLES for one in ranges):
         raise ConfigError(f"'{key}' mixes a sample with other values: a sample stands alone")
     found = [_grid(one) if one is not None else [value] for one, value in zip(ranges, values, strict=True)]
     return Axis(key, "choice", tuple(itertools.chain.from_iterable(found)))
+
+
+def _spaced(key: str, one: _Range) -> Axis:
+    return Axis(key, one.kind, tuple(_grid(one)), one.log, one.low, one.high)
 
 
 def _range(key: str, value: Any) -> _Range | None:

@@ -42,19 +42,24 @@ class SweepDesign:
         """Write the plan into the sweep's directory, where there is none. Args: folder, the directory."""
         if (folder / FILE).exists():
             return
-        axes = {one.key: {"kind": one.kind, "values": list(one.values), "log": one.log} for one in self.axes}
         told = {
             "experiment": self.experiment,
             "sweep": self.sweep,
             "command": shlex.join(sys.orig_argv),
             "code": code_digest(),
             "versions": versions(),
-            "axes": axes,
+            "axes": {one.key: _told(one) for one in self.axes},
             "fixed": list(self.fixed),
             "jobs": [{"name": one.name, "overrides": one.overrides, "content": one.content} for one in self.jobs],
             "config": self.config,
         }
         write_atomically(folder / FILE, json.dumps(told, indent=1) + "\n")
+
+
+def _told(axis: Axis) -> dict[str, Any]:
+    """An axis as plain values; its range, where one was asked for."""
+    told = {"kind": axis.kind, "values": list(axis.values), "log": axis.log}
+    return told if axis.low is None else {**told, "low": axis.low, "high": axis.high}
 
 
 def plan_of(
