@@ -1,9 +1,10 @@
 """The table and the report of sweeps, into a run of their own or into the directory of the sweep."""
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.collect import sections, tables
+from experiments.collect import sections, tables, times
 from experiments.collect.axes import axes_of
 from experiments.collect.best import write_best
 from experiments.collect.collected import Collected, collected
@@ -56,7 +57,8 @@ def _write(params: CollectStudy, run: Run, plans: Sequence[SweepPlan], title: st
     for part in parts:
         _best(part, run)
     shown += sections.of_all(jobs, duplicates, counted, table, parts)
-    report.write_report(run.path("report.html"), title, sections=shown, manifest=run.manifest(COMPLETE))
+    facts = functools.partial(times.facts, jobs=jobs)
+    report.write_report(run.path("report.html"), title, sections=shown, manifest=run.manifest(COMPLETE), facts=facts)
     for part in parts:
         columns = tables.best_jobs(part.ranking[:SHOWN], part.axes, part.evidence, part.scores)
         if part.ranking:

@@ -44,6 +44,8 @@ class SweepJob:
     error: str | None
     summary: Mapping[str, Any]
     identity: str  # the same for jobs that compute the same
+    started: str | None = None  # as its manifest has it
+    wall_time_s: float | None = None
 
     @property
     def title(self) -> str:
@@ -161,6 +163,8 @@ def _job(plan: SweepPlan, job: PlannedJob) -> SweepJob:
         error=error,
         summary=summary if isinstance(summary, dict) else {},
         identity=job.content or json.dumps([plan.experiment, plan.code, _alike(planned)], sort_keys=True),
+        started=manifest.get("started"),
+        wall_time_s=manifest.get("wall_time_s"),
     )
 
 

@@ -3,7 +3,7 @@
 import base64
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -77,10 +77,18 @@ def _is_words(value: Any) -> bool:
     return isinstance(value, str) and value != "-" and not value.lstrip("+-~<> ")[:1].isdigit()
 
 
-def write_report(path: Path, title: str, *, sections: Sequence[Section], manifest: Mapping[str, Any]) -> None:
+def write_report(
+    path: Path,
+    title: str,
+    *,
+    sections: Sequence[Section],
+    manifest: Mapping[str, Any],
+    facts: Callable[[Mapping[str, str]], Mapping[str, str]] = dict,
+) -> None:
     """Write the page, whole or not at all; everything that it shows is inside the file.
 
-    Args: path of the page; title, its heading; sections in their order; manifest of the run.
+    Args: path of the page; title, its heading; sections in their order; manifest of the run; facts, from what the
+    manifest says of the run, by name, to what the page says of it.
     """
     import jinja2
 
@@ -88,7 +96,7 @@ def write_report(path: Path, title: str, *, sections: Sequence[Section], manifes
     environment.tests["table"] = lambda item: isinstance(item, Table)
     environment.tests["paragraph"] = lambda item: isinstance(item, str)
     page = environment.from_string(PAGE).render(
-        title=title, sections=sections, facts=_facts(manifest), config=json.dumps(manifest["config"], indent=2)
+        title=title, sections=sections, facts=facts(_facts(manifest)), config=json.dumps(manifest["config"], indent=2)
     )
     write_atomically(path, page)
 
@@ -102,7 +110,9 @@ def _facts(manifest: Mapping[str, Any]) -> dict[str, str]:
         "started": manifest["started"],
         "wall time": f"{manifest['wall_time_s']:.0f} s",
         "seed": str(manifest["seed"]),
-        "code": f"{commit[:12]}{' with changes' if manifest['git']['dirty'] else ''}" if commit else "not under git",
+        "git commit": f"{commit[:12]}{' with changes' if manifest['git']['dirty'] else ''}"
+        if commit
+        else "not under git",
         "versions": versions,
         "device": f"{device['kind']} ({device['cpu']})",
         "config": f"sha256 {manifest['config_sha256'][:12]}",
@@ -130,11 +140,7 @@ thead th { border-bottom: 1px solid #999; font-weight: 600; }
 figure { margin: 1rem 0; }
 img { max-width: 100%; height: auto; border: 1px solid #eee; }
 p, caption, figcaption, td.fact { overflow-wrap: anywhere; }
-@media (max-width: 640px) {
-  body { margin: 1rem auto; padding: 0 .7rem; }
-  figure { overflow-x: auto; }
-  img { max-width: 640px; }
-}
+@media (max-width: 640px) { body { margin: 1rem auto; padding: 0 .7rem; } }
 pre { background: #f7f7f7; padding: .8rem; overflow-x: auto; font-size: .8rem; }
 </style>
 </head>
