@@ -47,6 +47,11 @@ class Collected:
         return len(value) > 1 and min(value) == max(value)
 
     @property
+    def constants(self) -> list[str]:
+        """The names of the scores that are the same in all jobs."""
+        return [score.name for score in self.known if self.constant(score.name)]
+
+    @property
     def known(self) -> list[SweepScore]:
         """The scores that some job has."""
         return [score for score in self.scores if ranked(self.complete, self.evidence, score)]

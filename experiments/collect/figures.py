@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 
 from experiments.collect.axes import SweepAxis, shown
+from experiments.collect.known_scores import is_share
 from experiments.collect.responses import ResponsePoint
 from experiments.collect.sensitivity import AxisIndex
+from experiments.collect.ticks import scale
 from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
 
 WIDTH = 7.4  # inch, of a page that is also read on a phone
 PANEL = 2.5  # inch high
-FEW = 12  # values that are marked on an axis one by one
-CHARACTERS = 45  # of the font below half a page
+FAINT = 0.45  # of what lies behind
 Responses = Mapping[str, Sequence[ResponsePoint]]  # by name of the score
 
 
@@ -35,29 +36,32 @@ def draw_response(axis: SweepAxis, found: Responses, path: Path) -> None:
         panels[0, 0].set_title("mean")
         if paired:
             panels[0, 1].set_title(f"less that at {axis.label} = {shown(axis.values[0])}, same drives")
-        for axes in panels[-1]:
-            scale(axes, axis)
+        for column in panels.T:
+            scale(list(column), axis)
 
 
 def draw_sample(
     axis: SweepAxis, jobs: Mapping[str, tuple[Any, Sequence[WithInterval]]], means: Responses, path: Path
 ) -> None:
-    """Every job along a sampled axis, and the means of bins.
+    """Every job along a sampled axis as a point, and the means of bins with their intervals.
 
+    Jobs that drive from the same starts share most of their error: their intervals would hide the trend.
     Args: axis; jobs: positions and scores of all, by name of the score; means likewise; path of the picture.
     """
     with figure(path, 0.85 * WIDTH, height=PANEL * len(jobs) + 0.3) as canvas:
         panels = np.ravel(canvas.subplots(len(jobs), 1, squeeze=False, sharex=True))
         for axes, (name, (at, scores)) in zip(panels, jobs.items(), strict=True):
-            whiskers(axes, at, scores, colour=OTHER, line="", label="jobs", alpha=0.45)
+            axes.plot(at, [score.value for score in scores], "o", ms=3.5, color=OTHER, alpha=FAINT, label="jobs")
             points = means.get(name, ())
             if points:
                 mean = [point.score for point in points]
                 whiskers(axes, [point.value for point in points], mean, colour=BAD, line="-", label="means of bins")
             axes.set_ylabel(name)
+            if is_share(name) and len({score.value for score in scores}) == 1:
+                axes.set_ylim(-0.04, 1.04)  # else around the one value, and so past what it can be
         if any(means.values()):
             panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-        scale(panels[-1], axis)
+        scale(list(panels), axis)
 
 
 def draw_names(axis: SweepAxis, found: Responses, path: Path) -> None:
@@ -73,7 +77,7 @@ def draw_names(axis: SweepAxis, found: Responses, path: Path) -> None:
             axes.errorbar(value, rows, xerr=np.stack([low, high]), fmt="o", ms=4, color=GOOD, lw=1.2, capsize=2)
             axes.set(xlabel=name, yticks=rows, yticklabels=labels)
         panels[0].invert_yaxis()
-        panels[0].set_title(axis.label)
+        panels[0].set_title(axis.title)
 
 
 def draw_sensitivity(found: Mapping[str, Sequence[AxisIndex]], path: Path) -> None:
@@ -89,40 +93,35 @@ def draw_sensitivity(found: Mapping[str, Sequence[AxisIndex]], path: Path) -> No
                 axes.barh(rows + shift, np.nan_to_num(value), height=0.32, color=colour, alpha=0.4, label=label)
                 axes.errorbar(value, rows + shift, xerr=reach, fmt="none", color=colour, lw=1.2, capsize=2)
             axes.set(yticks=rows, yticklabels=[index.axis.label for index in indices], title=name)
-            axes.axvline(0.0, color=OTHER, lw=0.8)
+            axes.set(xlim=(0.0, 1.0), xlabel="index, 0 to 1")
             axes.invert_yaxis()
-        panels[0].legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), ncols=2)
+        panels[0].legend(loc="upper left", bbox_to_anchor=(0.0, -0.3), ncols=2)
 
 
 def whiskers(
-    axes: Any, at: Any, scores: Sequence[WithInterval], *, colour: str, line: str, label: str = "", alpha: float = 1.0
+    axes: Any,
+    at: Any,
+    scores: Sequence[WithInterval],
+    *,
+    colour: str,
+    line: str,
+    across: Any = None,
+    label: str = "",
+    alpha: float = 1.0,
 ) -> None:
-    """Numbers with their intervals. Args: axes; at, where; scores; colour; line between them; label; alpha of all."""
+    """Numbers with their intervals.
+
+    Args: axes; at, where; scores; colour; line between them; across, how far intervals of `at` reach; label; alpha.
+    """
     value, low, high = _ends(scores)
     known = np.isfinite(value)
     where, reach = np.asarray(at, float)[known], np.stack([low, high])[:, known]
-    style = {"fmt": f"o{line}", "ms": 3.5, "color": colour, "elinewidth": 1.0, "capsize": 2 if alpha == 1 else 0}
-    axes.errorbar(where, value[known], yerr=reach, label=label or None, alpha=alpha, **style)
+    beside = None if across is None else np.nan_to_num(np.asarray(across, float))[:, known]
+    style = {"fmt": f"o{line}", "ms": 3.5, "color": colour, "elinewidth": 1.0, "capsize": 2}
+    axes.errorbar(where, value[known], yerr=reach, xerr=beside, label=label or None, alpha=alpha, **style)
 
 
 def _ends(scores: Sequence[WithInterval]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values, and how far their intervals reach below and above; 0 where there is no interval."""
     value, low, high = np.array(scores, float).reshape(-1, 3).T
     return value, np.nan_to_num(np.maximum(value - low, 0)), np.nan_to_num(np.maximum(high - value, 0))
-
-
-def scale(axes: Any, axis: SweepAxis) -> None:
-    """The horizontal axis of a panel: its name, its scale, its values where they are few. Args: axes; axis."""
-    axes.set_xlabel(axis.label)
-    if axis.log:
-        axes.set_xscale("log")
-    if not axis.sampled and len(axis.values) <= FEW and _apart(axis):
-        axes.set_xticks(axis.values, labels=[shown(value) for value in axis.values])
-        axes.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
-
-
-def _apart(axis: SweepAxis) -> bool:
-    """Whether the labels of all values find room in half a page."""
-    at = np.log(axis.values) if axis.log else np.asarray(axis.values, float)
-    longest = max(len(shown(value)) for value in axis.values)
-    return len(at) < 2 or bool(np.diff(at).min() / (at[-1] - at[0]) > (longest + 1.5) / CHARACTERS)

@@ -92,8 +92,9 @@ def _sample(part: Collected, axis: SweepAxis, path: Any) -> Items:
     means = {s.name: responses.binned(axis, part.complete, evidence=part.evidence, name=s.name) for s in part.known}
     figures.draw_sample(axis, jobs, means, path)
     words = (
-        f"{axis.label} ({axis.key}): every job of the sample, all other axes varied too, with its interval. "
-        "Means of bins with as many jobs each; their intervals are from drawing jobs."
+        f"{axis.label} ({axis.key}): every job of the sample is a point, all other axes varied too. Their "
+        "intervals are not drawn: jobs from the same starts have much of their error in common. Means of bins with "
+        "as many jobs each; their intervals are from drawing jobs."
     )
     return [words, Picture(f"Jobs of the sample by {axis.label}", path)]
 
@@ -154,6 +155,9 @@ def front(part: Collected, run: Run) -> Items:
     """The jobs that no other beats in both scores."""
     if len(part.known) < 2:
         return []
+    if part.constants:
+        same = " and ".join(part.constants)
+        return [f"There is no front: {same} {'is' if len(part.constants) == 1 else 'are'} the same in all jobs."]
     kept = responses.front(part.complete, part.evidence, scores=part.known)
     if not kept:
         return []
@@ -161,10 +165,12 @@ def front(part: Collected, run: Run) -> Items:
     figures_of_many.draw_front(part.complete, kept, part.evidence, scores=part.known, path=path)
     words = (
         f"{part.known[0].told} against {part.known[1].told}: of the jobs on the front none is beaten in one score by a "
-        "job that is as good in the other. Where whiskers overlap, their order may be luck."
+        "job that is as good in the other. A number stands beside a point that several share. "
+        "Where whiskers overlap, their order may be luck."
     )
     columns = tables.best_jobs(kept, part.axes, part.evidence, part.known)
-    return [words, Picture("Jobs by two scores", path), Table(f"The {len(kept)} jobs on the front", columns)]
+    caption = "The job on the front" if len(kept) == 1 else f"The {len(kept)} jobs on the front"
+    return [words, Picture("Jobs by two scores", path), Table(caption, columns)]
 
 
 def deciding(part: Collected, run: Run) -> Items:
@@ -183,8 +189,10 @@ def deciding(part: Collected, run: Run) -> Items:
     figures.draw_sensitivity(found, path)
     words = (
         "S1 is the share of the score's variance over jobs that goes with an axis alone; delta (Borgonovo) is how far "
-        "knowing its value moves the score's distribution, from 0 to 1, together with other axes too. Both are "
-        "estimated from these jobs; intervals are from drawing jobs, and do not hold what drives leave unsure."
+        "knowing its value moves the score's distribution, together with other axes too. Both are from 0 to 1 and "
+        "estimated from these jobs; intervals are from drawing jobs, cut to that range, and do not hold what drives "
+        "leave unsure: one that begins at 0 may be of an axis that decides nothing."
+        + "".join(f" {name} is left out: it is the same in all jobs." for name in part.constants)
     )
     shown = [Table(f"Indices of {name}", tables.sensitivity(indices)) for name, indices in found.items()]
     return [words, Picture("Sensitivity of the scores", path), *shown]

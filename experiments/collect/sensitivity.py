@@ -24,7 +24,7 @@ class AxisIndex:
     """How much an axis decides of a score, with 95 % intervals."""
 
     axis: SweepAxis
-    first_order: WithInterval  # share of the variance that goes with it alone (Sobol's S1)
+    first_order: WithInterval  # 0 to 1: share of the variance that goes with it alone (Sobol's S1)
     delta: WithInterval  # Borgonovo's: how far knowing it moves the distribution, 0 to 1
 
 
@@ -50,7 +50,8 @@ def indices(axes: Sequence[SweepAxis], jobs: Sequence[SweepJob], *, evidence: Ev
 
 
 def _within(value: float, half: float) -> WithInterval:
-    return WithInterval(float(value), float(value - half), float(value + half))
+    """An estimate with its interval, both cut to what an index can be: the resamples know no ends."""
+    return WithInterval(*(float(np.clip(end, 0.0, 1.0)) for end in (value, value - half, value + half)))
 
 
 def _delta(at: np.ndarray, score: np.ndarray) -> dict[str, Any]:
