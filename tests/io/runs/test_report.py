@@ -73,3 +73,15 @@ def test_a_report_is_self_contained_and_escapes_what_it_shows(tmp_path, picture)
     assert sources[0].startswith("data:image/png;base64,")
     assert sources[1].startswith("data:image/gif;base64,")
     assert not re.search(r"https?://|<link|@import|url\(", text)
+    assert re.findall(r"img \{[^}]*\}", text) == ["img { max-width: 100%; height: auto; border: 1px solid #eee; }"]
+
+
+def test_a_page_may_say_of_a_run_what_its_manifest_does_not(tmp_path):
+    manifest = runs.Run(tmp_path / "run", {}).manifest()
+    page = tmp_path / "report.html"
+    report.write_report(page, "Study", sections=[], manifest=manifest)
+    assert "<td>git commit</td>" in page.read_text()
+    facts = lambda told: {"written": told["started"]}  # noqa: E731
+    report.write_report(page, "Study", sections=[], manifest=manifest, facts=facts)
+    assert f'<td>written</td><td class="words fact">{manifest["started"]}</td>' in page.read_text()
+    assert "<td>git commit</td>" not in page.read_text()
