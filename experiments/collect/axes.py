@@ -82,10 +82,9 @@ def axes_of(plans: Sequence[SweepPlan], jobs: Sequence[SweepJob]) -> list[SweepA
 
 def _together(axis: Mapping[str, Any], parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """An axis of several sweeps: its range holds all of theirs, and is not known where that of one is not."""
-    ends = {name: [part.get(name) for part in parts] for name in ("low", "high")}
-    if not all(is_number(value) for values in ends.values() for value in values):
-        return {name: value for name, value in axis.items() if name not in ends}
-    return {**axis, "low": min(ends["low"]), "high": max(ends["high"])}
+    if not all(is_number(part.get(name)) for part in parts for name in ("low", "high")):
+        return {name: value for name, value in axis.items() if name not in ("low", "high")}
+    return {**axis, "low": min(part["low"] for part in parts), "high": max(part["high"] for part in parts)}
 
 
 def _axis(key: str, axis: Mapping[str, Any], label: str, jobs: Sequence[SweepJob]) -> SweepAxis:
@@ -105,12 +104,12 @@ def _axis(key: str, axis: Mapping[str, Any], label: str, jobs: Sequence[SweepJob
 
 def _asked(axis: Mapping[str, Any], values: Sequence[Any], numeric: bool) -> tuple[float, float] | None:
     """The range that a plan tells, where it holds all values: plans of before tell none."""
-    low, high = axis.get("low"), axis.get("high")
-    if not (numeric and is_number(low) and is_number(high)):
+    if not (numeric and is_number(axis.get("low")) and is_number(axis.get("high"))):
         return None
+    low, high = float(axis["low"]), float(axis["high"])
     # What is computed in the logarithm may end a rounding error past the range.
     slack = 1e-9 * max(abs(low), abs(high))
-    return (float(low), float(high)) if low - slack <= values[0] and values[-1] <= high + slack else None
+    return (low, high) if low - slack <= values[0] and values[-1] <= high + slack else None
 
 
 def _geometric(values: Sequence[Any]) -> bool:

@@ -7,6 +7,7 @@ from experiments.collect.scores import SECOND
 from experiments.collect.sweeps import SweepJob
 
 FEW = 10  # roads or recordings of which an interval is hardly one
+UNORDERED = ("seed",)  # keys of numbers that are names: nothing lies beyond the last of them
 NAMED = 5  # jobs that are listed
 
 
@@ -50,7 +51,8 @@ def nobody_succeeds(part: Collected) -> bool:
 
 def edges(part: Collected) -> list[str]:
     """On which axes the best values are the first or the last ones: those of all jobs that are best. Args: part."""
-    told = (_edge(axis, part.tied) for axis in part.varied if axis.numeric)
+    ordered = [axis for axis in part.varied if axis.numeric and axis.key.split(".")[-1] not in UNORDERED]
+    told = (_edge(axis, part.tied) for axis in ordered)
     return [text for text in told if text]
 
 

@@ -62,6 +62,11 @@ def test_nothing_is_beyond_what_a_value_may_be(tmp_path):
     assert remarks.edges(part) == ["The best of tau is the greatest value asked, 1, and the most that it may be."]
 
 
+def test_a_seed_has_no_edge(tmp_path):
+    part = swept(tmp_path / "s", [{"seed": seed} for seed in (0, 1, 2)], lambda job: 0.2 + 0.1 * job["seed"])
+    assert remarks.edges(part) == []
+
+
 def test_of_a_sample_the_edge_is_the_last_value_drawn(tmp_path):
     values = [{GAP: gap} for gap in (1.3, 2.2, 1.7)]
     part = swept(tmp_path / "s", values, lambda job: 0.2 * job[GAP], kinds={GAP: "sobol"})
@@ -119,6 +124,16 @@ def test_the_range_asked_for_is_shown_and_not_the_sample_of_it(tmp_path):
     older = axes_of(plans, found)
     assert older[0].ends == (min(job[HEADWAY] for job in jobs), max(job[HEADWAY] for job in jobs))
     assert tables.asked(plans, older)[1]["from, to, or which"][0].endswith(" (those drawn)")
+
+
+def test_a_range_of_two_sweeps_holds_both_and_is_not_known_where_one_is_not(tmp_path):
+    first = {"kind": "sobol", "low": 0.0, "high": 1.0}
+    others = {"a": {"kind": "sobol", "low": 0.5, "high": 3.0}, "b": "sobol"}
+    for name, kind in others.items():
+        one = made.plan(tmp_path / name / "one", [{GAP: 0.2}, {GAP: 0.7}], kinds={GAP: first})
+        two = made.plan(tmp_path / name / "two", [{GAP: 0.9}, {GAP: 2.0}], kinds={GAP: kind})
+        _, _, axes, _ = read(one, two)
+        assert axes[0].ends == {"a": (0.0, 3.0), "b": (0.2, 2.0)}[name]
 
 
 def test_axes_have_the_units_of_their_fields(tmp_path):
