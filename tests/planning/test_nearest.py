@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.trees import float_leaves
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import MODES, Relaxation
 from urbanjax.planning import clearance, nearest
@@ -45,21 +46,8 @@ def ours(met):
     return nearest.nearest(met.passage, met.driving, prediction=met.prediction, ignored=met.ignored)
 
 
-def floats(tree):
-    leaves, structure = jax.tree.flatten(tree)
-    at = [i for i, leaf in enumerate(leaves) if jnp.issubdtype(leaf.dtype, jnp.floating)]
-
-    def filled(values):
-        held = list(leaves)
-        for i, value in zip(at, values, strict=True):
-            held[i] = value
-        return jax.tree.unflatten(structure, held)
-
-    return [leaves[i] for i in at], filled
-
-
 def gradients(function, met, weights):
-    values, filled = floats(met)
+    values, filled = float_leaves(met)
     return jax.jit(jax.grad(lambda v: jnp.sum(weights * function(filled(v)))))(values)
 
 
@@ -101,7 +89,7 @@ def _with_far(met, far):
 
 def test_both_modes_of_differentiation_agree(x64):
     met = meeting(12, "straight_through")
-    values, filled = floats(met)
+    values, filled = float_leaves(met)
     rng = np.random.default_rng(3)
     along = [jnp.asarray(rng.normal(size=value.shape)) for value in values]
     weights = jnp.asarray(rng.normal(size=N))

@@ -21,4 +21,4 @@ class RandomSearch(Optimiser):
         return drawn if self.evaluations else np.concatenate([self.start[None], drawn[1:]])
 
     def _learn(self, z: np.ndarray, losses: np.ndarray, gradients: np.ndarray) -> None:
-        pass
+        """Of what it is told, nothing: the next points are drawn as the first ones."""

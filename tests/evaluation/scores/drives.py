@@ -1,7 +1,6 @@
 """Drives as `Facts`: random ones, and a clean one into which a single fault is planted."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from tests.evaluation.scores import oracle
@@ -160,20 +159,6 @@ def stacked(drives):
 def batch(seed, t, n):
     rng = np.random.default_rng(seed)
     return [random_drive(rng, t) for _ in range(n)]
-
-
-def parts(facts):
-    """The float leaves, and how to put others in their place."""
-    leaves, tree = jax.tree.flatten(jax.tree.map(jnp.asarray, facts))
-    where = [i for i, leaf in enumerate(leaves) if np.issubdtype(leaf.dtype, np.floating)]
-
-    def back(floats):
-        full = list(leaves)
-        for i, leaf in zip(where, floats, strict=True):
-            full[i] = leaf
-        return jax.tree.unflatten(tree, full)
-
-    return [leaves[i] for i in where], back
 
 
 def busy_drive():

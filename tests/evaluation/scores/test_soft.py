@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tests.evaluation.scores.drives import VEHICLE, batch, busy_drive, clean_drive, edited, parts, stacked
+from tests.evaluation.scores.drives import VEHICLE, batch, busy_drive, clean_drive, edited, stacked
 from tests.evaluation.scores.test_epdms import CALM, random_window
+from tests.trees import float_leaves
 from urbanjax.evaluation.scores import carla, commonroad, competition, epdms, nuplan
 from urbanjax.evaluation.scores.epdms_windows import STEPS
 from urbanjax.numerics.soft import Relaxation
@@ -70,7 +71,7 @@ every = pytest.mark.parametrize("twin", TWINS.values(), ids=TWINS)
 @every
 def test_the_gradient_is_that_of_finite_differences(x64, twin):
     first, *others = twin.busy()
-    floats, back = parts(first)
+    floats, back = float_leaves(jax.tree.map(jnp.asarray, first))
 
     def total(x, temperature):
         return twin.score(back(x), *others, Relaxation(temperature, mode="soft")).total
