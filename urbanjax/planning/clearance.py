@@ -67,9 +67,15 @@ def predicted_boxes(prediction: Prediction, time: Float[Array, "n"], *, origin: 
     weights = time_weights(prediction, time)
     values = jnp.stack([*jnp.unstack(local, axis=-1), jnp.cos(heading), jnp.sin(heading)])
     x, y, cos, sin = jnp.unstack(product(weights, jnp.moveaxis(values, -1, 0)), axis=1)
-    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)  # opposite headings may cancel
+    cos, sin = unit_vector(cos, sin)
     half_length, half_width = prediction.length[None, :] / 2, prediction.width[None, :] / 2
-    return Box(x=x, y=y, cos=cos * size, sin=sin * size, half_length=half_length, half_width=half_width)
+    return Box(x=x, y=y, cos=cos, sin=sin, half_length=half_length, half_width=half_width)
+
+
+def unit_vector(cos: Float[Array, "*s"], sin: Float[Array, "*s"]) -> tuple[Float[Array, "*s"], Float[Array, "*s"]]:
+    """A heading that was interpolated as a vector [*s], made as long as 1 again. Args: cos [*s]; sin [*s]."""
+    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)  # opposite headings may cancel
+    return cos * size, sin * size
 
 
 def gaps(

@@ -15,7 +15,7 @@ from urbanjax.numerics import lean, soft
 from urbanjax.numerics.once import once
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.numerics.tiles import in_tiles
-from urbanjax.planning.clearance import ClearanceParams, Others, Passage, gaps, gaps_to
+from urbanjax.planning.clearance import ClearanceParams, Others, Passage, gaps, gaps_to, unit_vector
 from urbanjax.types import Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
@@ -160,9 +160,8 @@ def boxes_among(meeting: Meeting, index: Int[Array, "n c"]) -> Others:
     table = poses.reshape(count * times, 4)
     before, after = lean.rows(table, rows), lean.rows(table, rows + 1)
     x, y, cos, sin = jnp.unstack(before + share * (after - before), axis=-1)
-    size = 1 / jnp.sqrt(cos * cos + sin * sin + 1e-12)  # opposite headings may cancel
     sizes = prediction.length / 2, prediction.width / 2
     each = jnp.stack([*sizes, prediction.speed, meeting.ignored, prediction.valid.astype(u.dtype)], axis=-1)
     half_length, half_width, speed, ignored, valid = jnp.unstack(lean.rows(each, index), axis=-1)
-    box = Box(*once(x, y, cos * size, sin * size, half_length, half_width))
+    box = Box(*once(x, y, *unit_vector(cos, sin), half_length, half_width))
     return Others(box, speed, valid > 0, ignored)
