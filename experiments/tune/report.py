@@ -1,0 +1,13 @@
+"""The report of the task that is asked."""
+
+from collections.abc import Callable
+
+from experiments.tune.study import TuneStudy
+from urbanjax.io.runs.directory import Run
+
+WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {}
+
+
+def write(params: TuneStudy, run: Run) -> None:
+    """Run the task and write its report."""
+    WRITERS[params.task](params, run)
