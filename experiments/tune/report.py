@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 
+from experiments.tune import closed_loop
 from experiments.tune.study import TuneStudy
 from urbanjax.io.runs.directory import Run
 
-WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {}
+WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {"closed_loop": closed_loop.write}
 
 
 def write(params: TuneStudy, run: Run) -> None:

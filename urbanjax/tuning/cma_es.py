@@ -40,6 +40,10 @@ class CmaEs(Optimiser):
         seed = int(self._rng.integers(SEEDS))
         return self._library.CMA(mean=mean, sigma=self.sigma, seed=seed, population_size=population)
 
+    def standing(self) -> np.ndarray:
+        """The mean [1, P] of the distribution, which is less a matter of luck than the best point that it drew."""
+        return np.array(self._run.mean, np.float64)[None]
+
     def _propose(self) -> np.ndarray:
         return np.stack([self._run.ask() for _ in range(self._run.population_size)])
 

@@ -62,6 +62,10 @@ class Optimiser(abc.ABC):
     def _learn(self, z: np.ndarray, losses: np.ndarray, gradients: np.ndarray) -> None:
         """Take in a whole generation: z [N, P], losses [N], failed ones infinite, gradients ([N, P] or [N, 0])."""
 
+    def standing(self) -> np.ndarray:
+        """The points [K, P] that the search would stand by now: what is worth evaluating anew."""
+        return self.best.z[None].copy()
+
     def ask(self) -> np.ndarray:
         """Points to evaluate, [N, P]: the next generation, or what is left to be told of this one."""
         if not self._asked.size:

@@ -50,3 +50,15 @@ class GradientError(TuningError):
             "the start to where the loss is differentiable"
         )
         self.restart, self.parameter = restart, parameter
+
+
+class NotFiniteError(TuningError):
+    """A loss or a gradient in a closed loop is not finite: where, and by which parameter."""
+
+    def __init__(self, *, generation: int, parameter: str, scene: str) -> None:
+        what = f"the derivative with respect to '{parameter}'" if parameter else "the loss"
+        super().__init__(
+            f"generation {generation}: {what} is not finite in the scene {scene}; leave this "
+            f"{'parameter' if parameter else 'mission'} out, or lower 'rate' and 'sigma'"
+        )
+        self.generation, self.parameter, self.scene = generation, parameter, scene

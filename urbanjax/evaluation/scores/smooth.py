@@ -1,8 +1,10 @@
 """One smooth number for a whole run: what tuning climbs and gradient tests differentiate."""
 
+import functools
+
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from urbanjax.evaluation.metrics import HARD, checked, clearance, jerk, lateral_acceleration, progress
 from urbanjax.numerics.soft import Relaxation
@@ -68,35 +70,42 @@ def terms(
     *,
     params: ScoreParams | None = None,
     relaxation: Relaxation = HARD,
+    counts: Bool[Array, " t"] | None = None,
 ) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
     Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
-    or how soft. Raises as `score` does.
+    or how soft; counts [T], steps up to where the run ended, two or more (default: all of them). Raises as `score`
+    does.
     """
     vehicle = checked(log, vehicle, relaxation=relaxation)
     params = ScoreParams() if params is None else params
     kind(params, "params", wanted=ScoreParams, error=ConfigError)
-    duration = jnp.maximum(log.time[-1] - log.time[0], SHORTEST)
+    counts = jnp.ones(log.time.shape, bool) if counts is None else counts
+    mean, square = functools.partial(_mean, counts=counts), functools.partial(_square, counts=counts)
+    duration = jnp.maximum(jnp.max(jnp.where(counts, log.time, log.time[0])) - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
-    near = _barrier(jnp.where(others, gaps, params.clearance_scale), params.clearance_scale)
-    edge = _barrier(log.road_margin, params.road_scale)
+    gaps = jnp.where(others, gaps, params.clearance_scale)
     values = {
-        "progress": progress(log)[-1] / duration / params.speed_scale,
-        "clearance": -near,
-        "road": -edge,
-        "acceleration": -_square(log.ego.acceleration, params.acceleration_scale),
-        "lateral": -_square(lateral_acceleration(log, vehicle), params.acceleration_scale),
-        "jerk": -_square(jerk(log), params.jerk_scale),
-        "lane": -_square(log.offset, params.lane_scale),
+        "progress": progress(log)[jnp.sum(counts) - 1] / duration / params.speed_scale,
+        "clearance": -mean(_barrier(gaps, params.clearance_scale)),
+        "road": -mean(_barrier(log.road_margin, params.road_scale)),
+        "acceleration": -square(log.ego.acceleration, params.acceleration_scale),
+        "lateral": -square(lateral_acceleration(log, vehicle), params.acceleration_scale),
+        "jerk": -_square(jerk(log), params.jerk_scale, counts=counts[1:]),
+        "lane": -square(log.offset, params.lane_scale),
     }
     weighted = {name: getattr(params, name) * value for name, value in values.items()}
     return Score(total=sum(weighted.values(), jnp.zeros_like(duration)), **weighted)
 
 
 def _barrier(margin: Array, scale: float | Array) -> Array:
-    return jnp.mean(jnp.maximum(1 - margin / scale, 0.0) ** 2)
+    return jnp.maximum(1 - margin / scale, 0.0) ** 2
 
 
-def _square(values: Array, scale: float | Array) -> Array:
-    return jnp.mean((values / scale) ** 2)
+def _square(values: Array, scale: float | Array, *, counts: Array) -> Array:
+    return _mean((values / scale) ** 2, counts)
+
+
+def _mean(values: Array, counts: Array) -> Array:
+    return jnp.sum(jnp.where(counts, values, 0)) / jnp.maximum(jnp.sum(counts), 1).astype(values.dtype)

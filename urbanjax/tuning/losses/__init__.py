@@ -1,0 +1,1 @@
+"""What tuning minimises: one file for each kind of loss."""
