@@ -2,11 +2,15 @@
 
 from collections.abc import Callable
 
-from experiments.tune import closed_loop
+from experiments.tune import budget, closed_loop, pareto
 from experiments.tune.study import TuneStudy
 from urbanjax.io.runs.directory import Run
 
-WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {"closed_loop": closed_loop.write}
+WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {
+    "closed_loop": closed_loop.write,
+    "pareto": pareto.write,
+    "budget": budget.write,
+}
 
 
 def write(params: TuneStudy, run: Run) -> None:

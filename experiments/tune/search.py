@@ -15,7 +15,8 @@ from urbanjax.io.runs.checkpoints import read_checkpoint, write_checkpoint
 from urbanjax.io.runs.directory import Run, digest
 from urbanjax.io.runs.sweeps.code import code_digest
 from urbanjax.tuning import Training, space
-from urbanjax.tuning.training import Epoch, scene_set
+from urbanjax.tuning.starts import scene_set
+from urbanjax.tuning.training import Epoch
 from urbanjax.types import ConfigError, as_arrays, host_record
 from urbanjax.types.errors import NotFiniteError, TuningError
 

@@ -1,12 +1,16 @@
 """What is tuned, on what, and what it is tested on."""
 
+from typing import ClassVar
+
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning import SceneParams, TrainingParams
-from urbanjax.types import pytree, static
+from urbanjax.types import POSITIVE, Unread, field, pytree, static
 
-TASKS = ("closed_loop",)
+TASKS = ("closed_loop", "pareto", "budget")
+SEARCHES = ("gradient", "cma_es", "tpe", "random")
+OF_TASKS = {"pareto": "a front", "budget": "a comparison of searches"}
 TUNED = (
     "stack.planning.macro.weights.*",
     "stack.planning.micro.weights.*",
@@ -26,7 +30,7 @@ TESTED = ("narrow_passage", "signal_straight", "congestion", "roundabout")
 
 
 @pytree
-class TestParams:
+class HeldBackParams:
     """Whole drives, as deployed, of which nothing was seen while tuning."""
 
     missions: tuple[str, ...] = static(default=TESTED, metadata={"choices": tuple(MISSIONS), "may_be_empty": True})
@@ -36,13 +40,43 @@ class TestParams:
 
 
 @pytree
+class ParetoParams:
+    """Preferences between speed and everything else."""
+
+    points: int = static(default=8, metadata={"range": (2, 1000)})
+    least: float = field(default=0.25, metadata=POSITIVE)  # weight of speed, relative to the standard score's
+    most: float = field(default=4.0, metadata=POSITIVE)
+    taus: tuple[float, ...] = static(default=(0.0, 0.25, 0.5, 0.75, 1.0))  # of the parameters before, beside them
+
+
+@pytree
+class BudgetParams:
+    """Searches at equal cost."""
+
+    optimisers: tuple[str, ...] = static(default=SEARCHES, metadata={"choices": SEARCHES})
+    evaluations: float = field(default=500.0, metadata=POSITIVE)  # without gradient, of each search
+    apart: float = field(default=20.0, metadata=POSITIVE)  # evaluations between two looks at fresh scenes
+    restarts: int = static(default=5, metadata={"range": (1, 1000)})  # each with scenes and seed of its own
+
+
+@pytree
 class TuneStudy(LoopParams):
     """A task, and what it asks; the parameters of the loop are those that it begins with."""
+
+    UNREAD: ClassVar[dict[str, Unread | None]] = {
+        **{
+            name: Unread(f"{what} is not asked, see 'task'", lambda p, name=name: p.task != name)
+            for name, what in OF_TASKS.items()
+        },
+        "tested": Unread("no whole drives are driven with this 'task'", lambda p: p.task == "budget"),
+    }
 
     task: str = static(default="closed_loop", metadata={"choices": TASKS})
     tuned: tuple[str, ...] = static(default=TUNED)  # dotted keys with * and ?, see experiments.parameters
     learned: SceneParams = SceneParams(missions=LEARNED, count=256)  # scenes to learn from
     judged: SceneParams = SceneParams(missions=JUDGED, traffic=("assertive",), count=96)  # others, to know when to stop
-    tested: TestParams = TestParams()
+    tested: HeldBackParams = HeldBackParams()
     training: TrainingParams = TrainingParams()
+    pareto: ParetoParams = ParetoParams()
+    budget: BudgetParams = BudgetParams()
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off

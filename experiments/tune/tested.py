@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.common.scenes import scenes
-from experiments.tune.study import TestParams
+from experiments.tune.study import HeldBackParams
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.batch import Job, Outcome, outcomes
 from urbanjax.evaluation.facts import ROUNDING
@@ -38,7 +38,7 @@ class Tested:
     rows: dict[str, list[dict[str, Any]]]  # by the name of the set
 
 
-def tested(params: TestParams, sets: dict[str, LoopParams], *, tick: Callable[[str, float], None]) -> Tested:
+def tested(params: HeldBackParams, sets: dict[str, LoopParams], *, tick: Callable[[str, float], None]) -> Tested:
     """The drives of all sets. Args: sets, loops by name; tick, told what is done and the share that is done."""
     jobs = [
         Job(MISSIONS[name], params.seed + k, which)

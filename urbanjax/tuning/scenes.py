@@ -25,7 +25,7 @@ class SceneParams:
 
 
 @host_record
-class Scene:
+class TuningScene:
     """A drive, and the moment from which on it is scored."""
 
     mission: str
@@ -42,7 +42,7 @@ class Scene:
         return f"{self.mission}, seed {self.seed}, {self.traffic} traffic, {self.moment:g} s after the start"
 
 
-def scenes(params: SceneParams, *, seed: int) -> tuple[Scene, ...]:
+def scenes(params: SceneParams, *, seed: int) -> tuple[TuningScene, ...]:
     """Scenes of all the missions in turn; traffic, seed, road and moment of each are drawn.
 
     Args: seed, of what is drawn. Raises ConfigError for missions of which no one program holds all.
@@ -58,7 +58,7 @@ def scenes(params: SceneParams, *, seed: int) -> tuple[Scene, ...]:
         return int(rng.integers(len(names)))
 
     return tuple(
-        Scene(
+        TuningScene(
             mission=params.missions[k % len(params.missions)],
             seed=int(rng.integers(QUOTIENTS)) * ROADS + params.roads[one(params.roads)],
             traffic=params.traffic[one(params.traffic)],

@@ -20,8 +20,8 @@ from urbanjax.evaluation.streams import dealt, streams
 from urbanjax.evaluation.traffic import mannered_sim
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams, Underway, go_on
-from urbanjax.tuning.scenes import APART, Scene
-from urbanjax.types import ConfigError, as_arrays, pytree
+from urbanjax.tuning.scenes import APART, SceneParams, TuningScene, scenes
+from urbanjax.types import ConfigError, as_arrays, host_record, pytree
 
 MARGIN, AHEAD = 10.0, 1.2  # m, and of the way at the present speed, that have to be left to the goal
 
@@ -45,33 +45,49 @@ class Start:
         return int(np.shape(self.now.world.time)[0])
 
 
-def starts(loop: LoopParams, scenes: Sequence[Scene], *, horizon: float) -> tuple[tuple[Scene, ...], Start]:
-    """The scenes, and the starts [S] of them, driven up to their moments by the loop as it is.
+@host_record
+class SceneSet:
+    """Scenes with their starts."""
+
+    scenes: tuple[TuningScene, ...]  # S
+    start: Start  # [S]
+
+
+def scene_set(loop: LoopParams, which: SceneParams, *, horizon: float, seed: int) -> SceneSet:
+    """Scenes of a set with their starts, see `starts`.
+
+    Args: loop, that drives up to them; which, of them; horizon [s] for which they last; seed, of the draw.
+    """
+    return starts(loop, scenes(which, seed=seed), horizon=horizon)
+
+
+def starts(loop: LoopParams, drawn: Sequence[TuningScene], *, horizon: float) -> SceneSet:
+    """The scenes and their starts [S], driven up to their moments by the loop as it is.
 
     They stay where they are while parameters are tuned, so that a change of the loss is one of the parameters. Where
     the drive is over by the moment of a scene, or will be within the horizon, or has touched somebody or left the road,
-    the scene begins at the last moment before. Args: loop, with hard choices; scenes, of one size; horizon [s] for
-    which scenes last. Raises ConfigError where there is none, and for relaxed choices.
+    the scene begins at the last moment before. Args: loop, with hard choices; drawn, scenes of one size; horizon [s]
+    for which scenes last. Raises ConfigError where there is none, and for relaxed choices.
     """
-    if not scenes:
+    if not drawn:
         raise ConfigError("there is no scene to begin in: give at least one")
     if loop.stack.relaxation.mode != "hard":
         raise ConfigError("'stack.relaxation.mode' is relaxed: starts are driven as deployed, set it to hard")
-    numbered = list(enumerate(scenes))
+    numbered = list(enumerate(drawn))
     parts = [numbered[k : k + CHUNK] for k in range(0, len(numbered), CHUNK)]
     found: dict[int, Start] = {}
     drive = functools.partial(_driven, loop.loop(), horizon)
     for part, driven in dealt(parts, drive, devices=streams()[: len(parts)]):
         found.update({number: driven.at(k) for k, (number, _) in enumerate(part)})
-    begun = jax.tree.map(lambda *x: np.stack(x), *(found[number] for number in range(len(scenes))))
+    begun = jax.tree.map(lambda *x: np.stack(x), *(found[number] for number in range(len(drawn))))
     since = begun.now.world.time - begun.case.start.time
     moments = (APART * np.round(since / APART)).tolist()
-    return tuple(dataclasses.replace(scene, moment=t) for scene, t in zip(scenes, moments, strict=True)), begun
+    return SceneSet(tuple(dataclasses.replace(scene, moment=t) for scene, t in zip(drawn, moments, strict=True)), begun)
 
 
 def _driven(
-    loop: LoopParams, horizon: float, parts: Iterable[list[tuple[int, Scene]]]
-) -> Iterator[tuple[list[tuple[int, Scene]], Start]]:
+    loop: LoopParams, horizon: float, parts: Iterable[list[tuple[int, TuningScene]]]
+) -> Iterator[tuple[list[tuple[int, TuningScene]], Start]]:
     """The starts of every part, one chunk at a time."""
     steps = round(APART / float(loop.period))
     for part in parts:
@@ -89,11 +105,11 @@ def _driven(
         yield part, jax.device_get(Start(loops, cases, kept))
 
 
-def _among(loop: LoopParams, scene: Scene) -> LoopParams:
+def _among(loop: LoopParams, scene: TuningScene) -> LoopParams:
     return as_arrays(loop.replace(sim=mannered_sim(loop.sim, scene.traffic)))
 
 
-def _case(loop: LoopParams, scene: Scene) -> Case:
+def _case(loop: LoopParams, scene: TuningScene) -> Case:
     return as_arrays(case_of(loop, Job(MISSIONS[scene.mission], scene.seed), traffic=scene.traffic))
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from urbanjax.evaluation.scores import ScoreParams
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.rollout import LoopParams
 from urbanjax.tuning.cma_es import CmaEs
 from urbanjax.tuning.evolution import COUNT, cosine_to_evolution
 from urbanjax.tuning.gradient_descent import GradientDescent
@@ -18,23 +17,14 @@ from urbanjax.tuning.losses.closed_loop import ClosedLoop, Rows
 from urbanjax.tuning.losses.risk import tail_weights
 from urbanjax.tuning.optimiser import Optimiser, replayed
 from urbanjax.tuning.random_search import RandomSearch
-from urbanjax.tuning.scenes import Scene, SceneParams, scenes
 from urbanjax.tuning.spaces import Space
-from urbanjax.tuning.starts import Start, starts
+from urbanjax.tuning.starts import SceneSet
 from urbanjax.tuning.tpe import Tpe
 from urbanjax.tuning.training_params import TrainingParams
 from urbanjax.types import host_record
 from urbanjax.types.errors import NotFiniteError, TuningError
 
 LEARN, JUDGE = 0, 1  # purposes of seeds
-
-
-@host_record
-class SceneSet:
-    """Scenes with their starts."""
-
-    scenes: tuple[Scene, ...]  # S
-    start: Start  # [S]
 
 
 @host_record
@@ -58,11 +48,6 @@ class Check:
     z: np.ndarray  # [K, P], the standing points
     losses: np.ndarray  # [K, V], hard
     cosine: float  # to an evolution strategy's gradient at the next horizon; NaN where it was not asked
-
-
-def scene_set(params: LoopParams, which: SceneParams, *, horizon: float, seed: int) -> SceneSet:
-    """Scenes of a set, driven up to their moments. Args: which; horizon [s] for which they last; seed, of the draw."""
-    return SceneSet(*starts(params, scenes(which, seed=seed), horizon=horizon))
 
 
 class Training:
@@ -133,7 +118,13 @@ class Training:
             if due and not (self.checks and self.checks[-1].generation == self.generation):
                 yield self._judge()
             if not self.ended and self.generation < self.params.generations:
-                yield self._learn()
+                yield self.learn()
+
+    def look(self) -> np.ndarray:
+        """Hard losses [K, V] of the points that the search stands by, in the scenes to be judged by."""
+        z, every = self.optimiser.standing(), np.arange(len(self.judged.scenes))
+        rows = self._rows(z, self.judged, every, self.steps[-1], graded=False)
+        return rows.loss.reshape(len(z), len(every))
 
     def cost_of_gradient(self, repeats: int = 3) -> float:
         """How many losses as deployed one with its gradient costs, at the longest horizon; 1 where none is needed.
@@ -148,7 +139,7 @@ class Training:
             times = []
             for _ in range(repeats + 1):
                 began = time.perf_counter()
-                self._rows(z, self.learned, chosen, self.steps[-1], graded)
+                self._rows(z, self.learned, chosen, self.steps[-1], graded, own=[0])
                 times.append(time.perf_counter() - began)
             return float(np.median(times[1:]))
 
@@ -189,8 +180,8 @@ class Training:
             together=self.scores is not None,
         )
 
-    def _learn(self) -> Epoch:
-        """One generation."""
+    def learn(self) -> Epoch:
+        """One generation. Raises NotFiniteError."""
         chosen = self._drawn(self.generation)
         z = self.optimiser.ask()
         graded = self.optimiser.needs_gradient
@@ -207,10 +198,7 @@ class Training:
 
     def _judge(self) -> Epoch:
         """Hard losses of the standing points in the scenes to be judged by, and whether the horizon may grow."""
-        z = self.optimiser.standing()
-        every = np.arange(len(self.judged.scenes))
-        rows = self._rows(z, self.judged, every, self.steps[-1], graded=False)
-        losses = rows.loss.reshape(len(z), len(every))
+        z, losses = self.optimiser.standing(), self.look()
         cosine = float("nan")
         if self.optimiser.needs_gradient and self.horizon + 1 < len(self.steps) and self.generation:
             cosine = self._cosine(z[0])
@@ -223,11 +211,12 @@ class Training:
         """Between the gradient at the next horizon and what losses as deployed do there."""
         chosen, steps = self._drawn(self.generation), self.steps[self.horizon + 1]
         gradient = _clipped(
-            self._rows(z[None], self.learned, chosen, steps, True).gradient, float(self.params.scene_clip)
+            self._rows(z[None], self.learned, chosen, steps, graded=True, own=[0]).gradient,
+            float(self.params.scene_clip),
         )
 
         def loss(points: np.ndarray) -> np.ndarray:
-            found = self._rows(points, self.learned, chosen, steps, graded=False).loss
+            found = self._rows(points, self.learned, chosen, steps, graded=False, own=[0] * len(points)).loss
             return found.reshape(len(points), -1).mean(-1)
 
         return cosine_to_evolution(
@@ -239,11 +228,24 @@ class Training:
             count=COUNT,
         )
 
-    def _rows(self, z: np.ndarray, where: SceneSet, chosen: np.ndarray, steps: int, graded: bool) -> Rows:
-        """The points [N, P], each in all the chosen scenes, row by row. Raises NotFiniteError."""
+    def _rows(
+        self,
+        z: np.ndarray,
+        where: SceneSet,
+        chosen: np.ndarray,
+        steps: int,
+        graded: bool,
+        own: Sequence[int] | None = None,
+    ) -> Rows:
+        """The points [N, P], each in all the chosen scenes, row by row. Raises NotFiniteError.
+
+        `own` says whose score each is of (default: one after the other).
+        """
         params = self.params
         relaxation = Relaxation(params.temperature(self.generation), params.mode) if graded else Relaxation()
-        scores = None if self.scores is None else [score for score in self.scores[: len(z)] for _ in chosen]
+        scores = None
+        if self.scores is not None:
+            scores = [self.scores[k] for k in (range(len(z)) if own is None else own) for _ in chosen]
         rows = ClosedLoop(self.space, self.steps[-1]).losses(
             np.repeat(z, len(chosen), axis=0),
             where.start.at(np.tile(chosen, len(z))),
@@ -281,4 +283,4 @@ class Training:
 def _clipped(gradients: np.ndarray, most: float) -> np.ndarray:
     """Gradients [R, P] whose norm is at most so large."""
     norm = np.linalg.norm(gradients.astype(np.float64), axis=1, keepdims=True)
-    return gradients * np.minimum(1.0, most / np.maximum(norm, np.finfo(float).tiny))
+    return gradients * (most / np.maximum(norm, most))

@@ -11,7 +11,8 @@ from urbanjax.evaluation.statistics import WithInterval
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning.scenes import SceneParams
 from urbanjax.tuning.spaces import space
-from urbanjax.tuning.training import Training, scene_set
+from urbanjax.tuning.starts import scene_set
+from urbanjax.tuning.training import Training
 from urbanjax.tuning.training_params import TrainingParams
 from urbanjax.types import ConfigError, as_arrays, host_record
 from urbanjax.types.arguments import kind
@@ -76,5 +77,8 @@ def outcome(search: Training, base: LoopParams) -> Tuned:
 
 
 def roads(search: Training) -> list[str]:
-    """The road of every scene that a search is judged by: scenes of one road depend on each other."""
+    """The road of every scene that a search is judged by, since scenes of one road depend on each other.
+
+    Args: search.
+    """
     return [scene.road for scene in search.judged.scenes]

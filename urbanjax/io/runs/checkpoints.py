@@ -19,7 +19,7 @@ def write_checkpoint(path: Path, arrays: Mapping[str, np.ndarray], *, about: Map
     """
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        data = _library().save({name: np.ascontiguousarray(x) for name, x in arrays.items()}, metadata=dict(about))
+        data = _library().save({name: np.array(x, order="C") for name, x in arrays.items()}, metadata=dict(about))
         with open(part, "wb") as file:
             file.write(data)
             file.flush()

@@ -1,0 +1,162 @@
+"""A front of parameter sets between speed and everything else: one batch of searches, each with its own preference."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.common.scenes import scenes
+from experiments.tune import tested
+from experiments.tune.search import Searched, searched
+from experiments.tune.study import ParetoParams, TuneStudy
+from experiments.tune.tested import Tested
+from urbanjax.evaluation import statistics
+from urbanjax.evaluation.scores import ScoreParams
+from urbanjax.evaluation.statistics import WithInterval
+from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
+from urbanjax.io.runs import progress, report
+from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.parameter_file import write_parameters
+from urbanjax.io.runs.sweeps.code import code_digest
+from urbanjax.rollout import LoopParams
+from urbanjax.types import as_arrays, host_record, with_values
+
+BEFORE, TAU = "before", "stack.behavior.gvp.tau"
+OBJECTIVES = {"speed": ("progress",), "calm": ("clearance", "road", "acceleration", "lateral", "jerk", "lane")}
+CAPTION = (
+    "Terms of the score with their standard weights, of whole drives as deployed, which tuning has not seen: speed is "
+    "the mean speed over 10 m/s; calm is what is lost by nearness, the road's edge, accelerations and jerk, with its "
+    "sign. More is better in both. Front: nobody else of the tuned is better in both. Brackets: 95 %, whole roads drawn"
+)
+
+
+@host_record
+class FrontPoint:
+    """One parameter set in both objectives."""
+
+    name: str
+    objectives: dict[str, WithInterval]
+    at_fault: WithInterval  # share of drives with a collision at fault
+
+
+def preferences(params: ParetoParams) -> list[tuple[float, ScoreParams]]:
+    """The weight of speed relative to the standard one, as a geometric series, and the scores that follow from it."""
+    low, high = float(params.least), float(params.most)
+    standard = ScoreParams()
+    found = []
+    for ratio in np.geomspace(low, high, params.points).tolist():
+        speed, others = 2 * ratio / (1 + ratio), 2 / (1 + ratio)  # that all searches have slopes of one size
+        weights = {name: others * getattr(standard, name) for name in OBJECTIVES["calm"]}
+        found.append((ratio, dataclasses.replace(standard, progress=speed * standard.progress, **weights)))
+    return found
+
+
+def points(found: Tested) -> list[FrontPoint]:
+    """Every parameter set in both objectives. Args: found, drives of all sets."""
+
+    def of(rows: list[dict[str, Any]], names: tuple[str, ...]) -> WithInterval:
+        return statistics.mean([sum(row[f"score_{name}"] for name in names) for row in rows], groups=scenes(rows))
+
+    return [
+        FrontPoint(
+            name,
+            {objective: of(rows, names) for objective, names in OBJECTIVES.items()},
+            statistics.rate([row["competition_at_fault"] for row in rows]).percent,
+        )
+        for name, rows in found.rows.items()
+    ]
+
+
+def on_front(candidates: list[FrontPoint]) -> list[bool]:
+    """Whether no other candidate is better in one objective and not worse in the other one."""
+    values = np.array([[point.objectives[name].value for name in OBJECTIVES] for point in candidates])
+    return [not any((other >= one).all() and (other > one).any() for other in values) for one in values]
+
+
+def write(params: TuneStudy, run: Run) -> None:
+    """Tune all, drive with all, and write parameter files, table, figure and report."""
+    asked = preferences(params.pareto)
+    found = searched(params, run, scores=[score for _, score in asked])
+    base = as_arrays(params.loop())
+    sets = {BEFORE: base}
+    for (ratio, _), z in zip(asked, each_best(found), strict=True):
+        name = f"speed x {ratio:.2g}"
+        sets[name] = as_arrays(found.search.space.params(jnp.asarray(z, jnp.float32), base))
+        about = {"preference": name, "code": code_digest()}
+        write_parameters(
+            run.path(f"{_file(ratio)}.yaml"), found.search.space.values(jnp.asarray(z, jnp.float32)), about=about
+        )
+    taus = {f"tau {tau:g}": _with_tau(base, float(tau)) for tau in params.pareto.taus}
+    with progress.bar("testing") as tick:
+        result = tested.tested(params.tested, {**sets, **taus}, tick=tick)
+    every = points(result)
+    tuned = [point for point in every if point.name not in (BEFORE, *taus)]
+    front = dict(zip([point.name for point in tuned], on_front(tuned), strict=True))
+    table = {
+        "parameters": [point.name for point in every],
+        **{name: [point.objectives[name].text(3) for point in every] for name in OBJECTIVES},
+        "at-fault collision [%]": [point.at_fault.text() for point in every],
+        "front": [front.get(point.name, "-") for point in every],
+    }
+    progress.show_table("front", table)
+    run.table("front", table)
+    run.summary(_summary(every, found, sum(front.values())))
+    draw(every, list(taus), run.path("front.png"))
+    items = [report.Picture("Between speed and calm", run.path("front.png")), report.Table(CAPTION, table)]
+    report.write_report(
+        run.path("report.html"),
+        "A front of parameters",
+        sections=[report.Section("One run, many preferences", [], items)],
+        manifest=run.manifest("complete"),
+    )
+
+
+def each_best(found: Searched) -> np.ndarray:
+    """Of every search the point [N, P] that did best, by its own score, in the scenes that it was judged by."""
+    checks = found.search.checks
+    losses = np.stack([check.losses.mean(-1) for check in checks])
+    z = np.stack([check.z for check in checks])
+    return z[losses.argmin(0), np.arange(losses.shape[1])]
+
+
+def draw(every: list[FrontPoint], taus: list[str], path: Path) -> None:
+    """All points with their intervals. Args: every; taus, names of those that differ in tau alone; path."""
+    kinds = {BEFORE: (BAD, "s"), "tau": (OTHER, "^"), "tuned": (GOOD, "o")}
+    with figure(path, 6.5, height=4.5) as canvas:
+        axes = canvas.subplots()
+        for kind, (colour, marker) in kinds.items():
+            part = [p for p in every if kind == (BEFORE if p.name == BEFORE else "tau" if p.name in taus else "tuned")]
+            if not part:
+                continue
+            x, y = ([point.objectives[name] for point in part] for name in OBJECTIVES)
+            spans = [np.array([[v.value - v.low, v.high - v.value] for v in values]).T for values in (x, y)]
+            label = {"tau": "before, other values of tau", "tuned": "tuned, by preference"}.get(kind, kind)
+            style = {"color": colour, "elinewidth": 0.6, "ms": 5, "lw": 1, "label": label}
+            line = marker if kind == BEFORE else f"{marker}-"
+            centres = [[v.value for v in values] for values in (x, y)]
+            axes.errorbar(*centres, yerr=spans[1], xerr=spans[0], fmt=line, **style)
+            for point, a, b in zip(part, x, y, strict=True):
+                text = point.name.removeprefix("speed ") if kind != BEFORE else ""
+                axes.annotate(text, (a.value, b.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
+        axes.set(xlabel="speed: term of progress", ylabel="calm: all other terms", title="Held-back drives as deployed")
+        axes.legend(loc="lower left")
+
+
+def _with_tau(base: LoopParams, tau: float) -> LoopParams:
+    return as_arrays(with_values(base, {TAU: tau}))
+
+
+def _file(ratio: float) -> str:
+    return f"speed_{ratio:.2g}".replace(".", "p")
+
+
+def _summary(every: list[FrontPoint], found: Searched, count: int) -> dict[str, float]:
+    out: dict[str, float] = {"front_points": float(count), "search_s": float(np.sum(found.seconds))}
+    for point in every:
+        name = point.name.replace(" ", "_")
+        for objective, value in point.objectives.items():
+            out |= value.flat(f"{name}_{objective}_score")
+        out |= point.at_fault.flat(f"{name}_at_fault_percent")
+    return out
