@@ -14,7 +14,7 @@ from urbanjax.planning.clearance import ClearanceParams, followers
 from urbanjax.planning.cross_section import cross_sections
 from urbanjax.planning.lattice import layers as lattice
 from urbanjax.planning.lattice.edges import CORNER, fine_stations, layers_of
-from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
+from urbanjax.planning.lattice.layers import MACRO_TERMS, Lattice, LatticeWeights
 from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.previous import Previous
 from urbanjax.planning.situation import Situation
@@ -23,7 +23,7 @@ from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.limits import curve_speed
 from urbanjax.vehicle.profile import ProfileParams, free_flow
 
-__all__ = ["MACRO_TERMS", "MacroParams", "MacroPlan", "layered_search", "offset_at", "plan", "profile_at"]
+__all__ = ["MACRO_TERMS", "MacroParams", "MacroPlan", "costs", "layered_search", "offset_at", "plan", "profile_at"]
 
 
 @pytree
@@ -72,30 +72,13 @@ def plan(situation: Situation, driving: Driving, *, previous: Previous) -> Macro
     obstacles are a barrier, curvature is absolute, and the minimum is over paths. Args: situation, of the step;
     driving, with MacroParams; previous, the plan of the step before.
     """
-    window, progress, state, prediction = situation.window, situation.progress, situation.ego, situation.prediction
-    vehicle, params, relaxation = driving.vehicle, driving.params, driving.relaxation
-    weighing = driving.of(params.weights)
-    spacing = layer_spacing(situation, params)
-    distance = spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
-    road = cross_sections(window, fine_stations(progress.station + distance, CORNER))
-    layers = layers_of(road, CORNER)
-    cap = curve_speed(layers.curvature, params.lateral_acceleration, cap=layers.limit)
-    speed, time = free_flow(state.speed, cap, distance=distance, params=params.profile)
-    layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
-    follower = followers(state, driving.of(params.clearance), prediction=prediction)
-    room = lattice.clearance(layers, driving.of(params.clearance), prediction=prediction, follower=follower)
-    layers, room = lattice.centred(layers, params.weights, room=room)
-    nodes, node_bad = lattice.node_terms(layers, weighing, room=room, previous=previous)
-    ways = lattice.ways(layers, progress.offset, vehicle=vehicle)
-    start, start_bad = lattice.start_terms(layers, weighing, ways=ways, offset=progress.offset)
-    edges, edge_bad = lattice.edge_terms(layers, weighing, ways=ways)
-
-    node_cost = functools.reduce(operator.add, nodes.values())
-    start_cost = functools.reduce(operator.add, start.values()) + node_cost[0]
-    edge_cost = functools.reduce(operator.add, edges.values()) + node_cost[1:, None, :]
+    params, progress, relaxation = driving.params, situation.progress, driving.relaxation
+    found = costs(situation, driving, previous=previous)
+    layers, room, nodes, start, edges = found.lattice, found.room, found.nodes, found.start, found.edges
+    start_cost, edge_cost = found.summed()
     value, marginal, edge = layered_search(start_cost, edge_cost, relaxation=relaxation, scale=params.choice_scale)
-    bad = jnp.sum(marginal * node_bad, axis=1)
-    bad = bad.at[0].add(jnp.sum(marginal[0] * start_bad)).at[1:].add(jnp.sum(edge * edge_bad, axis=(1, 2)))
+    bad = jnp.sum(marginal * found.node_bad, axis=1)
+    bad = bad.at[0].add(jnp.sum(marginal[0] * found.start_bad)).at[1:].add(jnp.sum(edge * found.edge_bad, axis=(1, 2)))
     paid = [
         {k: jnp.sum(v * w) for k, v in d.items()} for d, w in ((nodes, marginal), (start, marginal[0]), (edges, edge))
     ]
@@ -111,11 +94,58 @@ def plan(situation: Situation, driving: Driving, *, previous: Previous) -> Macro
         node_clearance=room,
         clearance=safe.minimum(jnp.sum(marginal * room, axis=1)),
         feasible=jnp.prod(1 - jnp.clip(bad, 0, 1)),
-        follower=follower,
+        follower=found.follower,
         start_station=progress.station,
         start_offset=progress.offset,
-        start_speed=speed[0],
+        start_speed=found.start_speed,
     )
+
+
+@pytree
+class LatticeCosts:
+    """What each way through the lattice pays, by name of MACRO_TERMS; and what of it is barred."""
+
+    lattice: Lattice
+    room: Array  # [S, M] m, clearance of each node
+    follower: Array  # [B] degree to which an object follows the ego, and so does not count
+    start_speed: Array  # [] m/s
+    nodes: dict[str, Array]  # [S, M] m, of each node
+    start: dict[str, Array]  # [M] m, of the edges to the first layer
+    edges: dict[str, Array]  # [S - 1, M, M] m
+    node_bad: Array  # [S, M] degree to which a node is forbidden
+    start_bad: Array  # [M]
+    edge_bad: Array  # [S - 1, M, M]
+
+    def summed(self) -> tuple[Array, Array]:
+        """Cost [M] of reaching each node of the first layer, and [S - 1, M, M] of going on, from row to column."""
+        nodes = functools.reduce(operator.add, self.nodes.values())
+        start = functools.reduce(operator.add, self.start.values()) + nodes[0]
+        return start, functools.reduce(operator.add, self.edges.values()) + nodes[1:, None, :]
+
+
+def costs(situation: Situation, driving: Driving, *, previous: Previous) -> LatticeCosts:
+    """The lattice ahead and what its nodes and edges cost (Eq. 13-14): all that the plan and its likelihood depend on.
+
+    Args: situation, of the step; driving, with MacroParams; previous, the plan of the step before.
+    """
+    window, progress, state, prediction = situation.window, situation.progress, situation.ego, situation.prediction
+    vehicle, params = driving.vehicle, driving.params
+    weighing, clearing = driving.of(params.weights), driving.of(params.clearance)
+    spacing = layer_spacing(situation, params)
+    distance = spacing * jnp.arange(params.n_layers + 1).astype(spacing.dtype)
+    road = cross_sections(window, fine_stations(progress.station + distance, CORNER))
+    ahead = layers_of(road, CORNER)
+    cap = curve_speed(ahead.curvature, params.lateral_acceleration, cap=ahead.limit)
+    speed, time = free_flow(state.speed, cap, distance=distance, params=params.profile)
+    layers = lattice.build(road, speed, time=time, nodes_per_lane=params.nodes_per_lane)
+    follower = followers(state, clearing, prediction=prediction)
+    room = lattice.clearance(layers, clearing, prediction=prediction, follower=follower)
+    layers, room = lattice.centred(layers, params.weights, room=room)
+    nodes, node_bad = lattice.node_terms(layers, weighing, room=room, previous=previous)
+    ways = lattice.ways(layers, progress.offset, vehicle=vehicle)
+    start, start_bad = lattice.start_terms(layers, weighing, ways=ways, offset=progress.offset)
+    edges, edge_bad = lattice.edge_terms(layers, weighing, ways=ways)
+    return LatticeCosts(layers, room, follower, speed[0], nodes, start, edges, node_bad, start_bad, edge_bad)
 
 
 def layer_spacing(situation: Situation, params: MacroParams) -> Float[Array, ""]:
