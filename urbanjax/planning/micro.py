@@ -10,10 +10,11 @@ from urbanjax.numerics import lean, polynomial, safe, soft
 from urbanjax.numerics.tiles import by_tiles
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage
+from urbanjax.planning.learned import LearnedCost, context_of
 from urbanjax.planning.nearest import nearest
 from urbanjax.planning.previous import Previous, profile
 from urbanjax.planning.primitives import Fan
-from urbanjax.types import SOFT, Path, Prediction, pytree, static
+from urbanjax.types import HANDED_DOWN, SOFT, Path, Prediction, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -56,6 +57,9 @@ class MicroWeights:
     lateral_acceleration: float = 0.05  # per m^2/s^3
 
 
+UNIT = MicroWeights(*[1.0] * len(MICRO_TERMS))
+
+
 @pytree
 class MicroParams:
     """What candidates pay, and what makes them infeasible."""
@@ -95,6 +99,7 @@ class MicroParams:
     rate_scale: float = 0.1  # rad/s
     collision_scale: float = 0.2  # m
     edge_scale: float = 0.1  # m
+    learned: LearnedCost | None = field(default=None, metadata=HANDED_DOWN)  # added to the weighted terms
     barrier: str = static(default="hinge", metadata={"choices": costs.BARRIERS})
 
 
@@ -129,19 +134,14 @@ def select(fan: Fan, driving: Driving, *, prediction: Prediction, previous: Prev
     scales = (params.curvature_scale, params.rate_scale, change, change, change, collision, params.edge_scale)
     broken = soft.above(-margins, 0.0, relaxation, scale=jnp.stack(scales)[None, :])
     cost = jnp.sum(terms, axis=1) + params.infeasible * jnp.sum(broken, axis=1)
+    if params.learned is not None:
+        alike = weighted_terms(fan, params.replace(weights=UNIT), room=room, previous=previous)
+        cost = cost + params.learned(alike, context_of(fan, room=room))
     weights = soft.choose(cost, relaxation, scale=params.choice_scale)
     chosen, nearest = jnp.argmax(weights), margins[:, REASONS.index("collision")]
     others = jnp.where(jnp.arange(cost.shape[0]) == chosen, jnp.inf, cost)
-    each = (
-        fan.offset,
-        fan.position,
-        fan.heading,
-        fan.curvature,
-        fan.time,
-        fan.speed,
-        jnp.prod(1 - broken, axis=1),
-        nearest,
-    )
+    feasible = jnp.prod(1 - broken, axis=1)
+    each = (fan.offset, fan.position, fan.heading, fan.curvature, fan.time, fan.speed, feasible, nearest)
     offset, position, heading, curvature, time, speed, feasible, clear = soft.mixed(weights, each)
     return MicroPlan(
         path=Path(fan.station, offset, position, heading, curvature),
