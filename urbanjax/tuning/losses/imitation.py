@@ -135,3 +135,12 @@ def driven_loss(
     squared = jnp.mean(choices.error**2, axis=1)
     fits = -squared / (2 * spread**2) - jnp.log(2 * jnp.pi * spread**2)
     return -jax.nn.logsumexp(log_probability(cost, temperature) + fits)
+
+
+def displacement(choices: Choices, cost: Float[Array, "j"], *, temperature: float | Float[Array, ""]) -> Array:
+    """Expected distance from the driver at the last time [m]: of final displacement the soft twin.
+
+    Where likelihood is honest about what remains open, this asks for the one best choice; T tends to 0. Args: choices,
+    of one demonstration; cost [J] m; temperature [] m.
+    """
+    return jnp.sum(jnp.exp(log_probability(cost, temperature)) * choices.error[:, -1])

@@ -1,0 +1,1 @@
+"""Weights that make likely what recorded drivers did."""
