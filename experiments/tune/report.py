@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from experiments.tune import budget, closed_loop, pareto
+from experiments.tune.imitation import report as imitation
 from experiments.tune.study import TuneStudy
 from urbanjax.io.runs.directory import Run
 
@@ -10,6 +11,8 @@ WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {
     "closed_loop": closed_loop.write,
     "pareto": pareto.write,
     "budget": budget.write,
+    "imitation": imitation.write,
+    "lattice": imitation.write_lattice,
 }
 
 

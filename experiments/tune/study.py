@@ -2,15 +2,24 @@
 
 from typing import ClassVar
 
+from experiments.tune.imitation.task import ImitationTask
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning import SceneParams, TrainingParams
 from urbanjax.types import POSITIVE, Unread, field, pytree, static
 
-TASKS = ("closed_loop", "pareto", "budget")
+IN_CLOSED_LOOPS = ("closed_loop", "pareto", "budget")
+OF_RECORDS = ("imitation", "lattice")
+TASKS = (*IN_CLOSED_LOOPS, *OF_RECORDS)
 SEARCHES = ("gradient", "cma_es", "tpe", "random")
-OF_TASKS = {"pareto": "a front", "budget": "a comparison of searches"}
+READ_BY = {  # groups, and the tasks that read them
+    **dict.fromkeys(("tuned", "learned", "judged", "training", "resume"), IN_CLOSED_LOOPS),
+    "tested": ("closed_loop", "pareto"),
+    "pareto": ("pareto",),
+    "budget": ("budget",),
+    "imitation": OF_RECORDS,
+}
 TUNED = (
     "stack.planning.macro.weights.*",
     "stack.planning.micro.weights.*",
@@ -64,11 +73,8 @@ class TuneStudy(LoopParams):
     """A task, and what it asks; the parameters of the loop are those that it begins with."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
-        **{
-            name: Unread(f"{what} is not asked, see 'task'", lambda p, name=name: p.task != name)
-            for name, what in OF_TASKS.items()
-        },
-        "tested": Unread("no whole drives are driven with this 'task'", lambda p: p.task == "budget"),
+        name: Unread(f"only {' and '.join(tasks)} do, see 'task'", lambda p, tasks=tasks: p.task not in tasks)
+        for name, tasks in READ_BY.items()
     }
 
     task: str = static(default="closed_loop", metadata={"choices": TASKS})
@@ -79,4 +85,5 @@ class TuneStudy(LoopParams):
     training: TrainingParams = TrainingParams()
     pareto: ParetoParams = ParetoParams()
     budget: BudgetParams = BudgetParams()
+    imitation: ImitationTask = ImitationTask()
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off

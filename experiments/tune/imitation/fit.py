@@ -1,4 +1,4 @@
-"""Searches for what makes drivers likely: over weights alone, and over all that the fan depends on, through the planner."""
+"""Searches for what makes drivers likely: over weights alone, and through the planner over what the fan depends on."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -23,10 +23,10 @@ WEIGHTS = tuple(
     f"{PLANNING}micro.weights.{name}"
     for name in ("obstacle", "curvature", "curvature_rate", "macro", "slowness", "lateral_acceleration")
 )
-# What else decides where candidates lie and how fast they are.
+# What else decides how fast candidates are, and what they keep clear of. Durations are left as they are: a displacement
+# after 3 s is least where they are longer than any manoeuvre, which no vehicle should be driven with.
 FAN = (
     f"{PLANNING}primitives.speed_factors",
-    f"{PLANNING}primitives.durations",
     f"{PLANNING}macro.profile.acceleration",
     f"{PLANNING}macro.lateral_acceleration",
     f"{PLANNING}micro.min_clearance",

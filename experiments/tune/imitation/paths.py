@@ -60,8 +60,8 @@ def study_paths(task: ImitationTask, loop: LoopParams, drivers: Drivers, tick: C
     """Tune without each file, and say how likely its paths are."""
     tick("lattices of all moments")
     paths = driven_paths(loop, drivers.every)
-    layers = paths.reached.sum(axis=1)
-    use = ~paths.barred & (layers > 0)
+    layers = np.asarray(paths.reached).sum(axis=1)
+    use = ~np.asarray(paths.barred) & (layers > 0)
     some = jax.tree.map(lambda x: x[use], paths)
     default, tuned = np.full(len(use), np.nan), np.full(len(use), np.nan)
     weights, temperature, losses = {}, {}, {}
@@ -108,7 +108,7 @@ def fit_paths(
     prior: float = 1e-3,
     fixed: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """z [P + 1] of weights and temperature of least loss over a part [N], and the losses [steps]."""
+    """Z [P + 1] of weights and temperature of least loss over a part [N], and the losses [steps]."""
     inputs = jax.device_put((paths, jnp.asarray(part, jnp.float32), jnp.asarray(prior, jnp.float32)))
     count, losses = len(space(loop, LATTICE_WEIGHTS).keys), []
 

@@ -99,10 +99,10 @@ def predicted(
 ) -> dict[str, np.ndarray]:
     """What some parameters say of every demonstration, at the temperature that suits a part [N] of them best."""
     cost = np.asarray(_costs(choices, params.stack.planning.micro.weights, learned))
-    cost = choices.printed + choices.broken if printed else cost
-    chosen = cost.argmin(axis=1)
+    cost = np.asarray(choices.printed + choices.broken) if printed else cost
+    chosen = np.asarray(cost.argmin(axis=1))
     likelihood, share = (_best(values, part) for values in _likelihoods(choices, jnp.asarray(cost), task.spread))
-    error = np.take_along_axis(choices.error, chosen[:, None, None], axis=1)[:, 0]
+    error = np.take_along_axis(np.asarray(choices.error), chosen[:, None, None], axis=1)[:, 0]
     return {"error": error, "likelihood": likelihood, "share": share, "chosen": chosen}
 
 

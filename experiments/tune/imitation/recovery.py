@@ -80,7 +80,7 @@ def of_candidates(task: ImitationTask, loop: LoopParams, choices: Choices) -> Re
     keys = fit.WEIGHTS
     planted = np.array([1.0, PLANTED[0], *PLANTED[1:3], 1.0, *PLANTED[3:]])  # by MICRO_TERMS
     weights = np.array([float(getattr(loop.stack.planning.micro.weights, name)) for name in imitation.MICRO_TERMS])
-    cost = choices.features @ (planted * weights) + choices.broken
+    cost = np.asarray(choices.features @ (planted * weights) + choices.broken)
     drawn = draw(cost, task.seed)
     # The driver keeps to the candidate that it chose.
     error = np.where(np.arange(cost.shape[1])[None] == drawn[:, None], 0.0, 1.0)
@@ -91,9 +91,10 @@ def of_candidates(task: ImitationTask, loop: LoopParams, choices: Choices) -> Re
     feature, allowed = np.asarray(choices.features), choices.broken <= choices.broken.min(axis=1, keepdims=True)
     spread = np.sqrt(np.mean(np.var(feature, axis=1, where=allowed[..., None]), axis=0))
     at = [i for i, name in enumerate(imitation.MICRO_TERMS) if name not in ("length", "transition")]
-    least, chosen_cost = cost.min(axis=1), np.take_along_axis(
-        cost, (feature @ own + choices.broken).argmin(axis=1)[:, None], axis=1
-    )[:, 0]
+    least, chosen_cost = (
+        cost.min(axis=1),
+        np.take_along_axis(cost, (feature @ own + choices.broken).argmin(axis=1)[:, None], axis=1)[:, 0],
+    )
     return Recovered(
         cosine=cosine((planted * weights * spread)[at], (own * spread)[at]),
         regret=float((chosen_cost - least).mean() / np.std(cost, axis=1, where=allowed).mean()),
@@ -179,5 +180,3 @@ def spread_of(start: np.ndarray, edges: np.ndarray, found: DrivenPath, name: str
     between = between + nodes[:, 1:, None, :]
     drawn = [price_of(first + nodes[:, 0], between, draw_paths(start, edges, 100 + k)) for k in range(8)]
     return float(np.sqrt(np.mean(np.var(drawn, axis=0))))
-
-

@@ -49,7 +49,7 @@ class ImitationTask:
 
     corridor: CorridorParams = CorridorParams()
     apart: float = field(default=1.0, metadata=POSITIVE)  # s, between two moments of a driver
-    # Of the free-flow speed, in place of the deployed 0.5 and 1: a fan of two end speeds hardly holds what people drive.
+    # Of the free-flow speed, in place of the deployed 0.5 and 1: hardly anybody drives just those.
     speed_factors: tuple[float, ...] = field(default=(0.0, 0.5, 0.8, 1.0, 1.2), metadata={"range": (0, 3)})
     spread: float = field(default=0.7, metadata=POSITIVE)  # m, of a driver around the candidate that it follows
     prior: float = field(default=1e-3, metadata=POSITIVE)  # nat per squared unit of z: what nothing informs stays

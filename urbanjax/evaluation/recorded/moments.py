@@ -64,7 +64,7 @@ def demonstrations(params: LoopParams, scene: RecordedScene, *, future: float, a
     every = Demonstration(
         situation=situations,
         vehicle=jax.tree.map(lambda x: x[owner], scene.vehicle),
-        time=as_arrays(np.tile(_times(), (len(found), 1))),
+        time=as_arrays(jnp.asarray(np.tile(_times(), (len(found), 1)))),
         **as_arrays(rows),
         valid=jnp.asarray(np.stack([one["valid"] for one in driven])),
     )

@@ -24,6 +24,7 @@ from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
+
 @pytree
 class Choices:
     """J candidates of one demonstration, as far as their costs and the driver tell them apart."""
@@ -50,7 +51,9 @@ def choices(demonstration: Demonstration, driving: Driving, *, n_times: int) -> 
     broken = driving.params.micro.infeasible * jnp.sum(margins < 0, axis=1)
     places = positions_at(fan, demonstration.time[:n_times], vehicle=driving.vehicle)
     error = safe.norm(places - demonstration.position[None, :n_times])
-    return Choices(features, broken.astype(error.dtype), context_of(fan, room=room), error, printed_cost(fan, room=room))
+    return Choices(
+        features, broken.astype(error.dtype), context_of(fan, room=room), error, printed_cost(fan, room=room)
+    )
 
 
 def printed_cost(fan: Fan, *, room: Float[Array, "j k"]) -> Float[Array, "j"]:

@@ -110,11 +110,14 @@ def path_loss(
     The soft least cost over the paths that keep to the nodes, less that over all of them, over T. Args: start_cost [M]
     m; edge_cost [S-1, M, M] m; node [S], the driver's; reached [S], layers where it is known; temperature T [] m.
     """
-    relaxation = Relaxation(temperature, mode="soft")
+    relaxation = Relaxation(1.0, mode="soft")
     others = jnp.arange(start_cost.shape[0])[None, :] != node[:, None]
     barrier = jnp.where(others & reached[:, None], ELSEWHERE, 0.0).astype(start_cost.dtype)
-    along = layered_search(start_cost + barrier[0], edge_cost + barrier[1:, None, :], relaxation=relaxation)[0]
-    return (along - layered_search(start_cost, edge_cost, relaxation=relaxation)[0]) / temperature
+    along = layered_search(
+        start_cost + barrier[0], edge_cost + barrier[1:, None, :], relaxation=relaxation, scale=temperature
+    )
+    whole = layered_search(start_cost, edge_cost, relaxation=relaxation, scale=temperature)
+    return (along[0] - whole[0]) / temperature
 
 
 def driven_path_loss(path: DrivenPath, weights: Any, *, temperature: float | Float[Array, ""]) -> Array:
