@@ -2,6 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from tests.planning.conftest import small_params
 from urbanjax.planning import learned
 from urbanjax.planning.learned import BOUND, CONTEXT
 from urbanjax.planning.micro import MICRO_TERMS, MicroParams
@@ -39,3 +40,23 @@ def test_it_is_no_key_of_a_config_and_no_number_to_be_tuned():
     assert "learned" not in schema(MicroParams)
     params = MicroParams(learned=learned.initial(jax.random.key(0), SIZE))
     assert [number.key for number in trainables(params)] == [number.key for number in trainables(MicroParams())]
+
+
+def test_the_planner_adds_it_and_keeps_to_its_limits(planner, scenes):
+    window = scenes.road()
+    scene = window, scenes.ego(window), scenes.traffic(window, [(60.0, 0.0, 0.0)])
+    plain, params = planner(*scene)[2], small_params()
+    network = learned.initial(jax.random.key(0), SIZE)
+
+    def planned(network):
+        return planner(*scene, params=params.replace(micro=params.micro.replace(learned=network)))[2]
+
+    same = planned(network)
+    np.testing.assert_array_equal(same.cost, plain.cost)
+    assert int(same.chosen) == int(plain.chosen)
+    rows = np.random.default_rng(1).normal(0, 1e3, network.kernel[2].shape)
+    strong = planned(network.replace(kernel=(*network.kernel[:2], jnp.asarray(rows, jnp.float32))))
+    moved = np.asarray(strong.cost) - np.asarray(plain.cost)
+    assert 1.0 < np.abs(moved).max() <= BOUND + 1e-2
+    assert not np.asarray(strong.reasons)[int(strong.chosen)].any()
+    assert np.asarray(strong.reasons).any()
