@@ -5,7 +5,7 @@ import pytest
 
 from experiments.tune.imitation import paths, recovery, tables
 from experiments.tune.imitation.predictors import Predictions
-from experiments.tune.imitation.task import Drivers, ImitationTask, chosen_from, drivers
+from experiments.tune.imitation.task import ImitationTask, RecordedDrivers, chosen_from, drivers
 from tests import scenes
 from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.types import ConfigError
@@ -45,7 +45,7 @@ def test_means_are_over_moments_and_intervals_over_drivers():
     error = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 9.0]])
     nothing = np.full(3, np.nan)
     found = Predictions(error, np.arange(3.0), nothing, np.zeros(3, int))
-    who = Drivers(np.array(["a", "a", "b"]), np.array(["a 1", "a 1", "b 1"]), None, {})
+    who = RecordedDrivers(np.array(["a", "a", "b"]), np.array(["a 1", "a 1", "b 1"]), None, {})
     measured = tables.measured(found, who)
     assert measured["fde_m"].value == 5.0
     assert measured["ade_m"].value == 4.0

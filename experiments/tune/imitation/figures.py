@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.tune.imitation.predictors import CONSTANT, DEFAULT, LINEAR, NETWORK, PRINTED, WEIGHTS, WIDER, Study
-from experiments.tune.imitation.task import N_TIMES, Drivers
+from experiments.tune.imitation.task import N_TIMES, RecordedDrivers
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.recorded.moments import SPACING
 from urbanjax.io.figures.roads import draw_boxes
@@ -29,7 +29,7 @@ COLOURS = {
 TIME = SPACING * np.arange(1, N_TIMES + 1)
 
 
-def draw_errors(study: Study, drivers: Drivers, path: Path) -> None:
+def draw_errors(study: Study, drivers: RecordedDrivers, path: Path) -> None:
     """Displacement and mean displacement by horizon, with intervals over drivers."""
     with figure(path, 10.5, height=4.0) as canvas:
         left, right = canvas.subplots(1, 2)
@@ -76,7 +76,7 @@ def draw_weights(columns: dict[str, list[Any]], path: Path) -> None:
         axes.legend(fontsize=7)
 
 
-def draw_examples(study: Study, drivers: Drivers, loop: LoopParams, path: Path, count: int = 4) -> None:
+def draw_examples(study: Study, drivers: RecordedDrivers, loop: LoopParams, path: Path, count: int = 4) -> None:
     """Moments at which the tuned choice is nearest to the driver beside the default one, and the worst."""
     gain = study.predictions[DEFAULT].error[:, -1] - study.predictions[LINEAR].error[:, -1]
     order, rows, seen = np.argsort(-gain), [], set()
@@ -91,7 +91,7 @@ def draw_examples(study: Study, drivers: Drivers, loop: LoopParams, path: Path, 
         canvas.axes[-1].set(xlabel="ahead [m]")
 
 
-def _example(axes: Any, study: Study, drivers: Drivers, loop: LoopParams, i: int) -> None:
+def _example(axes: Any, study: Study, drivers: RecordedDrivers, loop: LoopParams, i: int) -> None:
     one = jax.tree.map(lambda x: x[i], drivers.every)
     ego, road = one.situation.ego, one.situation.window
     angle, origin = float(ego.heading), np.asarray(ego.position)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from experiments.tune.imitation.task import AT_ONCE, Drivers, ImitationTask
+from experiments.tune.imitation.task import AT_ONCE, ImitationTask, RecordedDrivers
 from urbanjax.evaluation.recorded.demonstration import Demonstration
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams
@@ -56,7 +56,9 @@ def _each(stack: Any, every: Demonstration) -> DrivenPath:
 _paths = jax.jit(_each, compiler_options=compiler_options())
 
 
-def study_paths(task: ImitationTask, loop: LoopParams, drivers: Drivers, tick: Callable[[str], None]) -> PathStudy:
+def study_paths(
+    task: ImitationTask, loop: LoopParams, drivers: RecordedDrivers, tick: Callable[[str], None]
+) -> PathStudy:
     """Tune without each file, and say how likely its paths are."""
     tick("lattices of all moments")
     paths = driven_paths(loop, drivers.every)

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.tune.imitation.fit import Fitted, fit_fan, fit_weights, through_planner
 from experiments.tune.imitation.network import fit_network
-from experiments.tune.imitation.task import N_TIMES, Drivers, ImitationTask, chosen_from, with_fan
+from experiments.tune.imitation.task import N_TIMES, ImitationTask, RecordedDrivers, chosen_from, with_fan
 from urbanjax.planning.learned import LearnedCost
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning.losses import imitation
@@ -41,7 +41,7 @@ class Study:
     networks: dict[str, LearnedCost]  # file -> the learned cost
 
 
-def study(task: ImitationTask, loop: LoopParams, drivers: Drivers, tick: Callable[[str], None]) -> Study:
+def study(task: ImitationTask, loop: LoopParams, drivers: RecordedDrivers, tick: Callable[[str], None]) -> Study:
     """Tune without each file and predict it."""
     wide = with_fan(loop, task)
     tick("fans of the default parameters")
@@ -106,7 +106,7 @@ def predicted(
     return {"error": error, "likelihood": likelihood, "share": share, "chosen": chosen}
 
 
-def constant_velocity(drivers: Drivers) -> np.ndarray:
+def constant_velocity(drivers: RecordedDrivers) -> np.ndarray:
     """Distance [N, H] (m) from who goes straight on at the speed of the moment."""
     ego, time = drivers.every.situation.ego, np.asarray(drivers.every.time[:, :N_TIMES])
     towards = np.stack([np.cos(ego.heading), np.sin(ego.heading)], axis=-1)
@@ -142,7 +142,7 @@ _costs = jax.jit(
 )
 
 
-def _empty(drivers: Drivers) -> dict[str, np.ndarray]:
+def _empty(drivers: RecordedDrivers) -> dict[str, np.ndarray]:
     n = len(drivers.file)
     return {
         "error": np.full((n, N_TIMES), np.nan),

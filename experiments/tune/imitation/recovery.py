@@ -1,4 +1,4 @@
-"""Drivers with known weights, and what is found of them: simulated choices on overtaking starts."""
+"""RecordedDrivers with known weights, and what is found of them: simulated choices on overtaking starts."""
 
 import jax
 import jax.numpy as jnp

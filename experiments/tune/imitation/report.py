@@ -7,7 +7,7 @@ import numpy as np
 from experiments.tune.imitation import figures, paths, recovery, tables
 from experiments.tune.imitation.fit import FAN, WEIGHTS
 from experiments.tune.imitation.predictors import LINEAR, study
-from experiments.tune.imitation.task import Drivers, chosen_from, drivers, with_fan
+from experiments.tune.imitation.task import RecordedDrivers, chosen_from, drivers, with_fan
 from urbanjax.evaluation import statistics
 from urbanjax.io.networks import save_learned
 from urbanjax.io.runs import parameter_file, progress, report
@@ -98,7 +98,7 @@ def write_lattice(params: Any, run: Run) -> None:
     _report(run, "Imitation of driven paths", items)
 
 
-def _summary(run: Run, seen: Drivers, found: Any, known: dict[str, recovery.Recovered]) -> None:
+def _summary(run: Run, seen: RecordedDrivers, found: Any, known: dict[str, recovery.Recovered]) -> None:
     run.summary({"drivers": len(set(seen.driver)), "moments": len(seen.driver), "files": len(seen.files)})
     for name, one in found.predictions.items():
         key = name.replace(", ", "_").replace(" ", "_")
@@ -121,7 +121,7 @@ def _keep(run: Run, found: Any) -> None:
         save_learned(run.path(f"without_{name}.safetensors"), found.networks[name])
 
 
-def _pictures(run: Run, seen: Drivers, found: Any, loop: Any, weights: dict[str, list]) -> list[report.Picture]:
+def _pictures(run: Run, seen: RecordedDrivers, found: Any, loop: Any, weights: dict[str, list]) -> list[report.Picture]:
     figures.draw_errors(found, seen, run.path("errors.png"))
     figures.draw_losses(found, run.path("losses.png"))
     figures.draw_weights(weights, run.path("weights.png"))
@@ -135,7 +135,7 @@ def _pictures(run: Run, seen: Drivers, found: Any, loop: Any, weights: dict[str,
     return [report.Picture(caption, run.path(f"{name}.png")) for name, caption in captions.items()]
 
 
-def _left_out(seen: Drivers) -> list[report.Table]:
+def _left_out(seen: RecordedDrivers) -> list[report.Table]:
     if not seen.left_out:
         return []
     return [report.Table("Left out", {"who": list(seen.left_out), "why": list(seen.left_out.values())})]

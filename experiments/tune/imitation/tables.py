@@ -7,12 +7,14 @@ import numpy as np
 from experiments.tune.imitation.paths import PathStudy
 from experiments.tune.imitation.predictors import DEFAULT, LINEAR, Predictions, Study
 from experiments.tune.imitation.recovery import Recovered
-from experiments.tune.imitation.task import Drivers
+from experiments.tune.imitation.task import RecordedDrivers
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.statistics import WithInterval
 
 
-def measured(found: Predictions, drivers: Drivers, *, among: np.ndarray | None = None) -> dict[str, WithInterval]:
+def measured(
+    found: Predictions, drivers: RecordedDrivers, *, among: np.ndarray | None = None
+) -> dict[str, WithInterval]:
     """ADE and FDE at 3 s, log density and log share: means over demonstrations, drawn by driver."""
     some = np.ones(len(drivers.file), bool) if among is None else among
     values = {
@@ -28,7 +30,7 @@ def measured(found: Predictions, drivers: Drivers, *, among: np.ndarray | None =
     }
 
 
-def predictors(study: Study, drivers: Drivers) -> dict[str, list[Any]]:
+def predictors(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     """One row for each predictor."""
     rows = [measured(found, drivers) for found in study.predictions.values()]
     return {
@@ -40,7 +42,7 @@ def predictors(study: Study, drivers: Drivers) -> dict[str, list[Any]]:
     }
 
 
-def by_file(study: Study, drivers: Drivers) -> dict[str, list[Any]]:
+def by_file(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     """FDE of each predictor in each file, which its parameters have not seen."""
     among = {name: drivers.file == name for name in drivers.files}
     columns: dict[str, list[Any]] = {
@@ -53,7 +55,7 @@ def by_file(study: Study, drivers: Drivers) -> dict[str, list[Any]]:
     return columns
 
 
-def differences(study: Study, drivers: Drivers, other: str = DEFAULT) -> dict[str, WithInterval]:
+def differences(study: Study, drivers: RecordedDrivers, other: str = DEFAULT) -> dict[str, WithInterval]:
     """FDE [m] of each predictor less that of another one, paired, drawn by driver."""
     base = study.predictions[other].error[:, -1]
     return {
@@ -63,7 +65,7 @@ def differences(study: Study, drivers: Drivers, other: str = DEFAULT) -> dict[st
     }
 
 
-def paired_rows(study: Study, drivers: Drivers) -> dict[str, list[Any]]:
+def paired_rows(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     """Paired differences of FDE against the default, and of the network against the tuned linear costs."""
     found = differences(study, drivers)
     network = differences(study, drivers, LINEAR)["tuned network"]
@@ -108,7 +110,7 @@ def recovered(found: dict[str, Recovered]) -> dict[str, list[Any]]:
     }
 
 
-def paths(study: PathStudy, drivers: Drivers) -> dict[str, list[Any]]:
+def paths(study: PathStudy, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     """Log-likelihood per layer by file that the weights have not seen, and of all."""
     rows = {name: study.use & (drivers.file == name) for name in drivers.files} | {"all": study.use}
     of_file = {name: drivers.file == name for name in drivers.files} | {"all": np.ones(len(drivers.file), bool)}

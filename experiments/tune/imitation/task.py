@@ -64,7 +64,7 @@ class ImitationTask:
 
 
 @host_record
-class Drivers:
+class RecordedDrivers:
     """N demonstrations of all files."""
 
     file: np.ndarray  # [N] str
@@ -83,7 +83,7 @@ class Drivers:
         return np.asarray(self.every.position[:, :N_TIMES])
 
 
-def drivers(task: ImitationTask, loop: LoopParams, tick: Callable[[str], None]) -> Drivers:
+def drivers(task: ImitationTask, loop: LoopParams, tick: Callable[[str], None]) -> RecordedDrivers:
     """All demonstrations. Raises ConfigError where a file is missing, or fewer than two have any.
 
     Args: task; loop, whose stack sees the situations; tick, told what is done.
@@ -106,7 +106,7 @@ def drivers(task: ImitationTask, loop: LoopParams, tick: Callable[[str], None]) 
         found.append(moments.demonstrations(loop, scene, future=HORIZON, apart=float(task.apart)))
     if len(found) < 2:
         raise ConfigError("'imitation.files' has fewer than two files with drivers: one is left out to test on")
-    return Drivers(
+    return RecordedDrivers(
         file=np.concatenate([[one.scene] * len(one.driver) for one in found]),
         driver=np.concatenate([one.driver for one in found]),
         every=jax.tree.map(lambda *x: np.concatenate(x), *[one.every for one in found]),
