@@ -23,7 +23,7 @@ PREFIX = "stack.planning.macro.weights."
 LATTICE_WEIGHTS = tuple(
     f"{PREFIX}{name}" for name in ("obstacle", "curvature", "route", "centre", "lane_change", "oncoming")
 )
-START, RATE, STEPS = 1.0, 0.1, 80
+START, RATE, STEPS = 30.0, 0.2, 100  # m; of z a step, so that temperatures from 1 mm to 600 km are within reach
 AT_THE_SAME_TIME = 24  # paths whose programme is differentiated at once
 
 
