@@ -12,6 +12,7 @@ from urbanjax.numerics import lean, polynomial, safe
 from urbanjax.sim import lanes as roads
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain, ahead, look_ahead, nearest
+from urbanjax.sim.scripts import Script
 from urbanjax.types import Objects, pytree, static
 from urbanjax.vehicle.following import IDMParams, free_acceleration, interaction
 from urbanjax.vehicle.limits import approach_speed, curve_speed
@@ -127,17 +128,24 @@ def stop_braking(traffic: Traffic, distance: Float[Array, " v"], *, params: Traf
 
 
 def move(
-    lanes: LaneTables, traffic: Traffic, *, acceleration: Float[Array, " v"], params: TrafficParams, dt: float | Array
+    lanes: LaneTables,
+    traffic: Traffic,
+    *,
+    acceleration: Float[Array, " v"],
+    params: TrafficParams,
+    dt: float | Array,
+    pace: Float[Array, " v"] | None = None,
 ) -> Traffic:
     """Traffic after `dt` s: along the links, from link to link, and across in a lane change.
 
     A vehicle that leaves a link without successor is gone (`valid` False). Args: lanes, the simulator's tables;
-    traffic, V vehicles; acceleration [V] m/s^2; dt [s].
+    traffic, V vehicles; acceleration [V] m/s^2; dt [s]; pace [V] 1/s, of lateral moves (None: of lane changes).
     """
     speed = lean.maximum(traffic.speed + acceleration * dt, 0.0)
     travelled = 0.5 * (traffic.speed + speed) * dt
     # The lateral move goes with the distance below a walking pace, so that nobody slides sideways at a halt.
-    pace = lean.minimum(speed / params.min_speed, 1.0) / params.change_duration
+    slow = lean.minimum(speed / params.min_speed, 1.0)
+    pace = slow / params.change_duration if pace is None else slow * pace
     moved = lean.minimum(traffic.moved + pace * dt, 1.0)
     share = polynomial.smoother_step(moved)
     moving = moved < 1
@@ -177,13 +185,20 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
     )
 
 
-def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams) -> Objects:
-    """The vehicles as boxes in the world, [V]. Args: lanes, the simulator's tables; traffic, V vehicles."""
+def objects(
+    lanes: LaneTables, traffic: Traffic, *, params: TrafficParams, script: Script | None = None
+) -> Objects:
+    """The vehicles as boxes in the world, [V].
+
+    Args: lanes, the simulator's tables; traffic, V vehicles; script, of those that move over in a time of their own.
+    """
     row = roads.at(lanes, traffic.link, station=traffic.station)
     heading = row[:, roads.HEADING]
     share = traffic.moved
     # 30 s^2 (1 - s)^2 is the derivative of the quintic.
-    slope = 30 * (share * (1 - share)) ** 2 / params.change_duration
+    duration = params.change_duration
+    duration = duration if script is None else jnp.where(script.scripted, script.moves_for, duration)
+    slope = 30 * (share * (1 - share)) ** 2 / duration
     turned = (traffic.offset_to - traffic.offset_from) * slope / lean.maximum(traffic.speed, params.min_speed)
     normal = jnp.stack([-jnp.sin(heading), jnp.cos(heading)], axis=-1)
     return Objects(

@@ -10,13 +10,14 @@ from jaxtyping import Float
 from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.roadmap.locate import LocateParams, follow
-from urbanjax.sim import agents, mobil, priority, reaction, replay, signals
+from urbanjax.sim import agents, mobil, priority, reaction, replay, scripts, signals
 from urbanjax.sim.agents import Traffic, TrafficParams
 from urbanjax.sim.lanes import LaneTables
 from urbanjax.sim.lidar import LidarParams
 from urbanjax.sim.neighbours import FAR, Bodies, look_ahead
 from urbanjax.sim.reaction import Presence, ReactionParams
 from urbanjax.sim.replay import Replay
+from urbanjax.sim.scripts import Script
 from urbanjax.sim.sensing import Sensing, sensed
 from urbanjax.sim.signals import SignalPhases, SignalProgram
 from urbanjax.types import (
@@ -73,6 +74,7 @@ class WorldState:
     count: Array  # [] int32, policy steps so far
     replay: Replay | None = None  # recorded road users; simulated traffic does not see them
     ego_route: Array | None = None  # [] int32, successor that traffic takes the ego to choose at forks; None: the first
+    script: Script | None = None  # what some of the traffic does at given times
 
 
 @pytree
@@ -121,9 +123,9 @@ def step(
     """
     seen = look(params, lanes, world=world) if seen is None else seen
     traffic, ego_presence, held = _decide(params, lanes, world, seen)
-    small = dt / params.substeps
+    small, script = dt / params.substeps, world.script
 
-    def substep(carry: tuple, _: None) -> tuple[tuple, None]:
+    def substep(carry: tuple, time: Array | None) -> tuple[tuple, None]:
         ego, traffic, presence, travelled = carry
         chain = agents.chain_of(lanes, traffic, params=params.traffic)
         to_ego = reaction.braking(
@@ -132,14 +134,19 @@ def step(
         to_stop = agents.stop_braking(traffic, held.distance - travelled, params=params.traffic)
         strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
         wanted = agents.follow(lanes, traffic, chain=chain, braking=strongest, params=params.traffic)
+        pace = None
+        if script is not None:
+            wanted = scripts.accelerated(script, wanted, time=time, dt=small)
+            pace = scripts.paces(script, 1 / params.traffic.change_duration, time=time, dt=small)
         before = traffic.speed
-        traffic = agents.move(lanes, traffic, acceleration=wanted, params=params.traffic, dt=small)
+        traffic = agents.move(lanes, traffic, acceleration=wanted, params=params.traffic, dt=small, pace=pace)
         ego = bicycle_step(ego, command, params=params.vehicle, dt=small)
         travelled = travelled + 0.5 * (before + traffic.speed) * small
         return (ego, traffic, reaction.advance(presence, small), travelled), None
 
     start = (world.ego, traffic, ego_presence, jnp.zeros_like(traffic.speed))
-    (ego, traffic, *_), _ = jax.lax.scan(substep, start, None, length=params.substeps, unroll=1)
+    times = None if script is None else world.time + small * jnp.arange(params.substeps, dtype=world.time.dtype)
+    (ego, traffic, *_), _ = jax.lax.scan(substep, start, times, length=params.substeps, unroll=1)
     return world.replace(ego=ego, ego_link=seen.ego_link, traffic=traffic, time=world.time + dt, count=world.count + 1)
 
 
@@ -248,7 +255,7 @@ def observe(
 
 def everybody(params: SimParams, lanes: LaneTables, *, world: WorldState) -> Objects:
     """All other road users [V], simulated and recorded. Args: lanes, of the road; world, now."""
-    vehicles = agents.objects(lanes, world.traffic, params=params.traffic)
+    vehicles = agents.objects(lanes, world.traffic, params=params.traffic, script=world.script)
     if world.replay is None:
         return vehicles
     recorded = replay.objects(world.replay, world.time)

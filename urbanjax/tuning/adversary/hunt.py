@@ -1,0 +1,122 @@
+"""A search for failures within a budget, and how many different ones it has found (host side)."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from urbanjax.tuning.adversary.arena import Arena
+from urbanjax.tuning.adversary.descents import Descents
+from urbanjax.tuning.cma_es import CmaEs
+from urbanjax.tuning.optimiser import SEEDS, Optimiser
+from urbanjax.tuning.random_search import RandomSearch
+from urbanjax.types import host_record
+
+FOUND = 20.0  # m, by which the loss of an avoidable failure lies below its threat: every search is told so
+SIGMA = 1.7  # of z: a logistic of that spread is nearly uniform over the range of a number
+POINTS = 16  # of a generation
+PARTS = 3  # of each number's range, that tell failures apart
+
+
+@host_record
+class Trial:
+    """One point that a search has tried."""
+
+    z: np.ndarray  # [P]
+    cost: float  # of the search so far, this one included, in evaluations without gradient
+    threat: float  # m
+    failed: bool
+    avoidable: bool
+    latest: float  # s, when full braking had to begin
+    descends: bool  # whether it was asked for with its gradient
+
+
+@host_record
+class Hunt:
+    """All that one search has tried."""
+
+    search: str
+    seed: int
+    trials: tuple[Trial, ...]
+
+    @property
+    def failures(self) -> list[Trial]:
+        """Those that braking would have avoided."""
+        return [trial for trial in self.trials if trial.avoidable]
+
+    @property
+    def unavoidable(self) -> list[Trial]:
+        """Collisions at fault that it would not have avoided."""
+        return [trial for trial in self.trials if trial.failed and not trial.avoidable]
+
+
+def by_gradient(size: int, *, seed: int, cost_of_gradient: float) -> Optimiser:
+    """Descents. Args: size P; seed; cost_of_gradient, as measured."""
+    return Descents(
+        np.zeros(size),
+        sigma=SIGMA,
+        seed=seed,
+        population=POINTS,
+        found=-FOUND / 2,
+        cost_of_gradient=cost_of_gradient,
+    )
+
+
+def by_chance(size: int, *, seed: int, cost_of_gradient: float) -> Optimiser:
+    """Random search. Args: size P; seed; cost_of_gradient, of no account."""
+    return RandomSearch(np.zeros(size), sigma=SIGMA, seed=seed, population=POINTS)
+
+
+def by_cma_es(size: int, *, seed: int, cost_of_gradient: float) -> Optimiser:
+    """CMA-ES. Args: size P; seed; cost_of_gradient, of no account."""
+    return CmaEs(np.zeros(size), sigma=SIGMA, seed=seed, population=POINTS)
+
+
+SEARCHES: dict[str, Callable[..., Optimiser]] = {
+    "gradient": by_gradient,
+    "random": by_chance,
+    "cma_es": by_cma_es,
+}
+
+
+def hunt(arena: Arena, search: str, *, seed: int, budget: float, cost_of_gradient: float) -> Hunt:
+    """What a search tries within a budget; a point with its gradient costs as many evaluations as measured.
+
+    A CMA-ES whose generation holds a failure begins anew, as descents do: it would sample around that one for ever.
+    Args: arena; search, in SEARCHES; seed; budget, in evaluations without gradient; cost_of_gradient.
+    """
+    make, size = SEARCHES[search], len(arena.space.keys)
+    optimiser, cost, trials, begun = make(size, seed=seed, cost_of_gradient=cost_of_gradient), 0.0, [], 0
+    while True:
+        descends = optimiser.needs_gradient
+        price = cost_of_gradient if descends else 1.0
+        z = optimiser.ask()[: math.floor((budget - cost) / price + 1e-9)]
+        if not len(z):
+            return Hunt(search, seed, tuple(trials))
+        seen = arena.sloped(z) if descends else arena.judged(z)
+        for k in range(len(z)):
+            cost += price
+            told = bool(seen.failed[k]), bool(seen.avoidable[k]), float(seen.latest[k])
+            trials.append(Trial(z[k], cost, float(seen.threat[k]), *told, descends))
+        optimiser.tell(z, seen.threat - FOUND * seen.avoidable, gradients=seen.gradients if descends else None)
+        if search == "cma_es" and seen.avoidable.any():
+            begun += 1
+            optimiser = make(size, seed=(seed + RENEWED * begun) % SEEDS, cost_of_gradient=cost_of_gradient)
+
+
+RENEWED = 7919  # apart are the seeds of searches that begin anew
+
+
+def distinct(arena: Arena, trials: Sequence[Trial]) -> list[Trial]:
+    """The first failure in each cell of the space: of every number the lower, middle or upper part of its range.
+
+    Args: arena; trials, failures.
+    """
+    if not trials:
+        return []
+    shares = arena.shares(np.stack([trial.z for trial in trials]))
+    cells = np.minimum((PARTS * shares).astype(int), PARTS - 1)
+    first: dict[tuple[int, ...], Trial] = {}
+    for cell, trial in zip(cells, trials, strict=True):
+        first.setdefault(tuple(cell), trial)
+    return list(first.values())
