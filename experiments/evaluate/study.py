@@ -13,11 +13,13 @@ from urbanjax.evaluation import road_users
 from urbanjax.evaluation.batch import Job, Outcome
 from urbanjax.evaluation.case import Case
 from urbanjax.evaluation.missions import MISSIONS, QUALIFICATION
+from urbanjax.evaluation.missions.found import FoundMission, found_missions
 from urbanjax.evaluation.missions.localized import GIVEN, LOCALIZATIONS, LocalizedMission, Roads
 from urbanjax.evaluation.missions.mission import LONGEST, Mission
 from urbanjax.evaluation.missions.recorded import RecordedMission, recorded_mission
 from urbanjax.evaluation.together import Batch
 from urbanjax.evaluation.traffic import MANNERS
+from urbanjax.io.runs.found_file import read_found
 from urbanjax.roadmap.corridor import CorridorParams
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.rollout import LoopParams
@@ -26,7 +28,7 @@ from urbanjax.types import ConfigError, Unread, field, pytree, static
 from urbanjax.types.unread import changed
 from urbanjax.vehicle.params import VehicleParams
 
-Asked = dict[str, Mission | LocalizedMission | RecordedMission]  # by name
+Asked = dict[str, Mission | LocalizedMission | RecordedMission | FoundMission]  # by name
 
 RECORDED = "replay"  # the traffic of recordings
 STAMP = "of.json"  # in the folder of rows: what they are of
@@ -34,6 +36,7 @@ DRIVEN = (
     *("vehicle", "period", "sim"),
     *(
         "missions",
+        "found",
         "scenes",
         "drivers",
         "traffic",
@@ -93,6 +96,7 @@ class EvaluateStudy(LoopParams):
         default=tuple(mission.name for mission in QUALIFICATION),
         metadata={"choices": tuple(MISSIONS), "may_be_empty": True},
     )
+    found: str = static(default="", metadata={"path": True})  # file of encounters that a search for failures wrote
     scenes: tuple[str, ...] = static(default=())  # recordings (CommonRoad), driven in with traffic 'replay'
     folder: str = static(default="", metadata={"path": True})  # of them, by default that of the data beside
     egos: str = static(default="vehicles", metadata={"choices": recordings.EGOS})  # who is driven there
@@ -131,7 +135,9 @@ def loop_of(study: EvaluateStudy, driver: str) -> LoopParams:
 def jobs_of(study: EvaluateStudy, asked: Asked, traffic: str) -> list[Job]:
     """The drives of one driver in one kind of traffic. Args: asked, the missions by name."""
     seeds = range(study.seed, study.seed + study.seeds)
-    drawn = [Job(one, seed) for one in asked.values() if not isinstance(one, RecordedMission) for seed in seeds]
+    numbered = RecordedMission, FoundMission
+    drawn = [Job(one, seed) for one in asked.values() if not isinstance(one, numbered) for seed in seeds]
+    drawn += [Job(one, k) for one in asked.values() if isinstance(one, FoundMission) for k in range(one.count)]
     scenes = [one for one in asked.values() if isinstance(one, RecordedMission)]
     return drawn + [Job(one, k) for one in scenes if traffic == RECORDED for k in range(one.count)]
 
@@ -139,7 +145,8 @@ def jobs_of(study: EvaluateStudy, asked: Asked, traffic: str) -> list[Job]:
 def missions_of(study: EvaluateStudy) -> Asked:
     """What is driven, by name. Raises ConfigError for files that are missing or cannot be driven in.
 
-    Raises ScenarioError for a planning problem whose goal is no station of its route.
+    Raises FileError where there is no file of found encounters, and ScenarioError for a planning problem whose goal is
+    no station of its route.
     """
     if set(study.localization) != {GIVEN} and (study.scenes or set(study.drivers) != {"stack"}):
         raise ConfigError(
@@ -152,6 +159,7 @@ def missions_of(study: EvaluateStudy) -> Asked:
         for mission in (dataclasses.replace(MISSIONS[name], longest=study.duration) for name in study.missions):
             one = mission if how == GIVEN else LocalizedMission(mission, how, roads)
             found[one.name] = one
+    found |= {one.name: one for one in (found_missions(read_found(study.found)) if study.found else ())}
     for path in recordings.paths(study.scenes, study.folder, key="scenes") if study.scenes else ():
         road = recordings.read(path, study.period, key="scenes")
         scene = recordings.scene_of(
@@ -159,7 +167,7 @@ def missions_of(study: EvaluateStudy) -> Asked:
         )
         found[scene.name] = recorded_mission(scene)
     if not found:
-        raise ConfigError("nothing is asked: name 'missions' or 'scenes'")
+        raise ConfigError("nothing is asked: name 'missions', 'found' or 'scenes'")
     if study.scenes and RECORDED not in study.traffic:
         raise ConfigError(f"recordings are driven in as they were: add {RECORDED!r} to 'traffic', or ask no 'scenes'")
     return found

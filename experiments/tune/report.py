@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from experiments.tune import budget, closed_loop, pareto
+from experiments.tune.adversary import report as adversary
 from experiments.tune.imitation import report as imitation
 from experiments.tune.study import TuneStudy
 from urbanjax.io.runs.directory import Run
@@ -13,6 +14,7 @@ WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {
     "budget": budget.write,
     "imitation": imitation.write,
     "lattice": imitation.write_lattice,
+    "adversary": adversary.write,
 }
 
 

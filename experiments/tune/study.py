@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+from experiments.tune.adversary.task import AdversaryTask
 from experiments.tune.imitation.task import ImitationTask
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.traffic import MANNERS
@@ -11,7 +12,7 @@ from urbanjax.types import POSITIVE, Unread, field, pytree, static
 
 IN_CLOSED_LOOPS = ("closed_loop", "pareto", "budget")
 OF_RECORDS = ("imitation", "lattice")
-TASKS = (*IN_CLOSED_LOOPS, *OF_RECORDS)
+TASKS = (*IN_CLOSED_LOOPS, *OF_RECORDS, "adversary")
 SEARCHES = ("gradient", "cma_es", "tpe", "random")
 READ_BY = {  # groups, and the tasks that read them
     **dict.fromkeys(("tuned", "learned", "judged", "training", "resume"), IN_CLOSED_LOOPS),
@@ -19,6 +20,7 @@ READ_BY = {  # groups, and the tasks that read them
     "pareto": ("pareto",),
     "budget": ("budget",),
     "imitation": OF_RECORDS,
+    "adversary": ("adversary",),
 }
 TUNED = (
     "stack.planning.macro.weights.*",
@@ -86,4 +88,5 @@ class TuneStudy(LoopParams):
     pareto: ParetoParams = ParetoParams()
     budget: BudgetParams = BudgetParams()
     imitation: ImitationTask = ImitationTask()
+    adversary: AdversaryTask = AdversaryTask()
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off

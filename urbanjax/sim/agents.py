@@ -185,9 +185,7 @@ def _cross(lanes: LaneTables, traffic: Traffic, moving: Array, params: TrafficPa
     )
 
 
-def objects(
-    lanes: LaneTables, traffic: Traffic, *, params: TrafficParams, script: Script | None = None
-) -> Objects:
+def objects(lanes: LaneTables, traffic: Traffic, *, params: TrafficParams, script: Script | None = None) -> Objects:
     """The vehicles as boxes in the world, [V].
 
     Args: lanes, the simulator's tables; traffic, V vehicles; script, of those that move over in a time of their own.

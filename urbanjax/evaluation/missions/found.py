@@ -64,9 +64,7 @@ class FoundMission:
         return jax.device_get(case.replace(start=met))
 
 
-def encounter_case(
-    family: Family, *, others: TrafficParams, vehicle: VehicleParams
-) -> tuple[Case, encounters.Place]:
+def encounter_case(family: Family, *, others: TrafficParams, vehicle: VehicleParams) -> tuple[Case, encounters.Place]:
     """The case of a family before anybody meets (`encounters.meet`), and its place: to be survived to the end.
 
     Args: family; others, how traffic drives; vehicle, the ego's dimensions.
@@ -86,7 +84,9 @@ def _to_the_end(where: EncounterStage, duration: float) -> dict[str, Any]:
         speed=anything,
         heading=np.array([[0.0, 2 * np.pi]]),
     )
-    return jax.device_get(as_arrays({"goal": where.start + where.place.limit * duration, "limit": duration, "aim": aim}))
+    return jax.device_get(
+        as_arrays({"goal": where.start + where.place.limit * duration, "limit": duration, "aim": aim})
+    )
 
 
 def found_missions(scenes: Sequence[FoundScene]) -> list[FoundMission]:

@@ -152,9 +152,7 @@ def drive(loop: LoopParams, case: Case, *, encounter: Encounter, params: ThreatP
 
 
 def _valued(loop: LoopParams, case: Case, *, encounters: Encounter, params: ThreatParams, n_steps: int) -> tuple:
-    values, driven = jax.vmap(
-        lambda one: drive(loop, case, encounter=one, params=params, n_steps=n_steps)
-    )(encounters)
+    values, driven = jax.vmap(lambda one: drive(loop, case, encounter=one, params=params, n_steps=n_steps))(encounters)
     return values, None, driven
 
 

@@ -32,7 +32,7 @@ class ThreatParams:
 
 
 def threat(facts: Facts, vehicle: VehicleParams, *, params: ThreatParams | None = None) -> Float[Array, ""]:
-    """The threat of one drive [m]; below about 0 the ego runs into somebody. 
+    """The threat of one drive [m]; below about 0 the ego runs into somebody.
 
     Smooth, whatever mode drove, but for who is touched first, and when.
 

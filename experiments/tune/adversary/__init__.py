@@ -1,0 +1,1 @@
+"""Failures found by gradient, beside random search and CMA-ES at equal rollouts."""

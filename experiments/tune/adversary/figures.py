@@ -1,0 +1,104 @@
+"""The figures of the search for failures."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.tune.adversary.study import Quarry
+from urbanjax.evaluation import statistics
+from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
+from urbanjax.tuning.adversary import Hunt, distinct
+from urbanjax.tuning.adversary.hunt import SEARCHES
+
+COLOURS = dict(zip(SEARCHES, (GOOD, OTHER, "#2f6db3"), strict=True))
+LABELS = {"gradient": "gradient", "random": "random search", "cma_es": "CMA-ES"}
+TICKS = 33  # along the budget
+PATHS = 24  # descents that are drawn
+
+
+def draw_counts(quarries: list[Quarry], path: Path, *, budget: float) -> None:
+    """Distinct avoidable failures over rollouts, means over seeds with 95 % intervals; a panel a driver and family.
+
+    Args: quarries; path of the picture; budget, of each search.
+    """
+    with figure(
+        path, 3.4 * len(quarries) if len(quarries) < 4 else 10.2, height=2.9 * -(-len(quarries) // 3)
+    ) as canvas:
+        panels = np.ravel(canvas.subplots(-(-len(quarries) // 3), min(3, len(quarries)), squeeze=False))
+        at = np.linspace(0, budget, TICKS)
+        for axes, one in zip(panels, quarries, strict=False):
+            for search, colour in COLOURS.items():
+                counts = np.array([_over(one, found, at) for found in one.of(search)])
+                ends = [statistics.mean(column) for column in counts.T]
+                axes.plot(at, counts.mean(0), color=colour, label=LABELS[search])
+                axes.fill_between(at, [x.low for x in ends], [x.high for x in ends], color=colour, alpha=0.18, lw=0)
+            axes.set(title=f"{one.driver}: {one.family.replace('_', ' ')}", xlabel="rollouts", ylim=(0, None))
+        panels[0].set(ylabel="distinct avoidable failures")
+        panels[0].legend(loc="upper left")
+        for axes in panels[len(quarries) :]:
+            axes.set_axis_off()
+
+
+def _over(one: Quarry, found: Hunt, at: np.ndarray) -> np.ndarray:
+    costs = [trial.cost for trial in distinct(one.arena, found.failures)]
+    return np.searchsorted(np.sort(costs), at, side="right")
+
+
+def draw_plane(quarries: list[Quarry], path: Path) -> None:
+    """What was tried in the plane of two numbers of each family: avoidable, unavoidable, no failure; descents as lines.
+
+    Args: quarries; path of the picture.
+    """
+    rows = -(-len(quarries) // 3)
+    with figure(path, 10.2, height=3.1 * rows) as canvas:
+        panels = np.ravel(canvas.subplots(rows, 3, squeeze=False))
+        for axes, one in zip(panels, quarries, strict=False):
+            _plane(axes, one)
+        panels[0].legend(loc="upper right", fontsize=7, frameon=True)
+        for axes in panels[len(quarries) :]:
+            axes.set_axis_off()
+
+
+def _plane(axes: Any, one: Quarry) -> None:
+    keys, units = one.arena.family.plane, {n.key: n.unit for n in one.arena.space.numbers}
+    trials = [trial for found in one.hunts for trial in found.trials]
+    places = np.array([[one.arena.numbers(trial.z)[key] for key in keys] for trial in trials])
+    failed, avoidable = (np.array([getattr(trial, name) for trial in trials]) for name in ("failed", "avoidable"))
+    for which, colour, size, label in (
+        (~failed, "#d5d5d5", 3, "no failure"),
+        (failed & ~avoidable, "#e0a030", 12, "unavoidable"),
+        (avoidable, BAD, 9, "avoidable failure"),
+    ):
+        axes.plot(*places[which].T, "o", ms=np.sqrt(size), color=colour, label=label, ls="none", mew=0, zorder=3)
+    descends = np.array([trial.descends for trial in trials])
+    for path in _paths(trials, descends)[:PATHS]:
+        axes.plot(*places[path].T, color=GOOD, lw=0.8, zorder=4)
+    axes.set(title=f"{one.driver}: {one.family.replace('_', ' ')}")
+    axes.set(
+        **{f"{end}label": f"{key.replace('_', ' ')} {_unit(units[key])}" for end, key in zip("xy", keys, strict=True)}
+    )
+
+
+def _unit(unit: str) -> str:
+    return f"[{unit}]" if unit and "[" not in unit else "[share]" if not unit else unit
+
+
+def _paths(trials: list[Any], descends: np.ndarray) -> list[list[int]]:
+    """Descents as indices of trials: each point follows the nearest one of the generation before it."""
+    ways: list[list[int]] = []
+    block: list[list[int]] = []
+    for k in range(len(trials)):
+        if not descends[k]:
+            ways, block = ways + block, []
+            continue
+        last = [(float(np.linalg.norm(trials[way[-1]].z - trials[k].z)), way) for way in block]
+        near = min(last, default=(np.inf, []), key=lambda pair: pair[0])
+        if near[0] <= STEP:
+            near[1].append(k)
+        else:
+            block.append([k])
+    return [way for way in ways + block if len(way) > 1]
+
+
+STEP = 0.85  # of z: no step of a descent is longer
