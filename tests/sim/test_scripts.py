@@ -48,7 +48,8 @@ def test_a_move_lasts_as_long_as_stated(road):
     offsets = np.array([state.traffic.offset[0] for state in states])
     np.testing.assert_allclose(offsets[:8], LANE)
     assert offsets[17] == pytest.approx(LANE * 0.5, abs=0.15)  # halfway at 1.73 s
-    assert offsets[27] > 0 and offsets[28] == pytest.approx(0, abs=1e-6)
+    assert offsets[27] > 0
+    assert offsets[28] == pytest.approx(0, abs=1e-6)
 
 
 def test_where_it_stops_has_the_slope_of_when_it_brakes(road):

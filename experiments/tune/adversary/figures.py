@@ -81,7 +81,7 @@ def _plane(axes: Any, one: Quarry) -> None:
 
 
 def _unit(unit: str) -> str:
-    return f"[{unit}]" if unit and "[" not in unit else "[share]" if not unit else unit
+    return f"[{unit}]" if unit and "[" not in unit else unit if unit else "[share]"
 
 
 def _paths(trials: list[Any], descends: np.ndarray) -> list[list[int]]:

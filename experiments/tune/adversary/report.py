@@ -17,9 +17,9 @@ from urbanjax.tuning.adversary.hunt import PARTS, SEARCHES
 
 CAPTION = (
     "Equal rollouts for each search: one with its gradient counts as many as measured in this run. A failure is a "
-    "collision at the ego's fault by the competition's rule in a hard drive; avoidable, where braking in full from some "
-    f"step since the other one began avoids it; distinct, in another cell of the space cut into {PARTS} parts a number. "
-    "Means over seeds with 95 % bootstrap intervals."
+    "collision at the ego's fault by the competition's rule in a hard drive; avoidable, where full braking from some "
+    "step since the other one began avoids it; distinct, in another cell of the space cut into "
+    f"{PARTS} parts a number. Means over seeds with 95 % bootstrap intervals."
 )
 
 
@@ -95,5 +95,6 @@ def _impact(one: Outcome) -> float:
 def _picture(loop: LoopParams, one: Outcome, name: str, run: Run) -> report.Picture:
     case = case_of(loop, one.job, traffic="idm")
     drives.drive(road_users.until_end(one), case.lanes.graph, path=run.path(name), vehicle=loop.vehicle)
-    said = f"{one.row['mission']}, number {one.job.seed}: collision at {one.row['cause_time_s']:.1f} s, {_impact(one):.1f} m/s"
+    when, speed = one.row["cause_time_s"], _impact(one)
+    said = f"{one.row['mission']}, number {one.job.seed}: collision at {when:.1f} s, {speed:.1f} m/s"
     return report.Picture(said, run.path(name))

@@ -75,7 +75,7 @@ def encounter_case(family: Family, *, others: TrafficParams, vehicle: VehiclePar
 
 
 def _to_the_end(where: EncounterStage, duration: float) -> dict[str, Any]:
-    """Goal, limit and aim: nothing but to be there at the end of a drive; scores of progress take a way at the limit."""
+    """Goal, limit and aim: to be there at the end of a drive; scores of progress take a way at the speed limit."""
     anything = np.array([[-np.inf, np.inf]])
     aim = Aim(
         outline=np.zeros((1, 1, 1, 2)),

@@ -4,6 +4,8 @@ The other one does not react to the ego, so that what it does is stated by its n
 start is no collision, and that whoever sees the other one begin and brakes in full can still avoid it but in corners.
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 from jax import Array
 
@@ -12,7 +14,7 @@ from urbanjax.sim.world import WorldState
 from urbanjax.types import field, host_record, pytree
 
 
-def _within(low: float, high: float, default: float) -> float:
+def _within(low: float, high: float, default: float) -> Any:
     """A number of a family: where searches begin, and what its transform keeps to."""
     return field(default=default, metadata={"range": (low, high)})
 
@@ -115,7 +117,10 @@ def braking_leader(numbers: BrakingLeader, place: Place) -> Encounter:
 
 
 def cut_in(numbers: CutIn, place: Place) -> Encounter:
-    """The one beside, so far ahead that its gap is left when it moves. Args: numbers, of the family; place, two lanes."""
+    """The one beside, so far ahead that its gap is left when it moves.
+
+    Args: numbers, of the family; place, on two lanes.
+    """
     ego = numbers.ego_speed * place.limit
     other, still = numbers.other_speed * ego, jnp.zeros_like(ego)
     gap = numbers.time_gap * ego + (ego - other) * numbers.moves_at

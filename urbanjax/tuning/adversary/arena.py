@@ -131,7 +131,7 @@ def arena(loop: LoopParams, family: Family, *, mode: str, temperature: float, pa
         space=space(family.numbers, "*"),
         hard=as_arrays(loop),
         relaxed=as_arrays(loop.replace(stack=loop.stack.replace(relaxation=relaxation))),
-        case=jax.tree.map(jnp.asarray, case),
+        case=as_arrays(case),
         place=place,
         params=as_arrays(params),
         steps=steps_of(family.duration, float(loop.period)),

@@ -1,4 +1,4 @@
-"""Descents that begin where a look around found most threat, and begin anew elsewhere once they have found a failure."""
+"""Descents that begin where a look around found most threat, and anew elsewhere once they have found a failure."""
 
 import numpy as np
 

@@ -1,0 +1,97 @@
+"""What is found is a failure, what is called avoidable is, and the threat leads there."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tests.tuning.adversary.conftest import Lane
+from urbanjax.sim.scenarios.encounter_families import FAMILIES
+from urbanjax.tuning import space
+from urbanjax.tuning.adversary import Descents, distinct, hunt
+from urbanjax.tuning.adversary.hunt import PARTS, Trial
+from urbanjax.types import as_arrays
+from urbanjax.types.errors import TuningError
+
+
+def test_somebody_a_metre_ahead_is_fate(lane):
+    _, failed, oracle = lane.judge(lane.encounter(1.0))
+    assert failed
+    assert not oracle.avoidable
+    assert np.isneginf(oracle.latest)
+
+
+def test_a_slow_leader_far_ahead_is_avoidable_up_to_its_braking_distance(lane):
+    # 40 m at 10 m/s: contact after 4 s; full braking needs 10**2 / 12 = 8.33 m, so it may begin until 3.16 s.
+    _, failed, oracle = lane.judge(lane.encounter(40.0))
+    assert failed
+    assert oracle.avoidable
+    assert oracle.latest == pytest.approx((40 - 100 / 12) / 10, abs=0.1)
+
+
+def test_nobody_can_know_before_the_onset(lane):
+    _, failed, oracle = lane.judge(lane.encounter(40.0, onset=3.3))
+    assert failed
+    assert not oracle.avoidable
+
+
+def test_whoever_is_not_reached_is_no_failure(lane):
+    value, failed, _ = lane.judge(lane.encounter(60.0, speed=9.0))
+    assert not failed
+    assert value > 40
+
+
+def test_slope_of_the_threat_equals_central_differences():
+    with jax.enable_x64(True):
+        lane, step = Lane(), 1e-6
+        start = lane.encounter(30.0, speed=9.0, brakes_at=0.43, braking=5.0)
+        threat = jax.jit(lambda one: lane.threat(one, 12))
+        slope = jax.grad(threat)(start)
+        for name in ("ego_speed", "station", "speed", "brakes_at", "braking"):
+            one, other = (threat(start.replace(**{name: getattr(start, name) + x})) for x in (step, -step))
+            assert getattr(slope, name) == pytest.approx((one - other) / (2 * step), rel=1e-5), name
+        assert slope.station == pytest.approx(1, abs=1e-3)  # one metre more is one metre more
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_any_z_is_within_the_stated_ranges(name):
+    numbers = FAMILIES[name].numbers
+    of, base = space(numbers, "*"), as_arrays(numbers)
+    assert len(of.keys) == len(dataclasses.fields(numbers))
+    for z in (*np.random.default_rng(0).normal(size=(20, len(of.keys))) * 1e3, np.zeros(len(of.keys))):
+        values = of.params(jnp.asarray(z, float), base)
+        for number in of.numbers:
+            assert number.low <= getattr(values, number.key) <= number.high + 1e-5
+
+
+@pytest.mark.parametrize("search", ["gradient", "random", "cma_es"])
+def test_whoever_sees_nobody_is_found_to_fail(lane, search):
+    found = hunt(lane.arena, search, seed=1, budget=40.0, cost_of_gradient=2.0)
+    assert found.failures
+    assert found.trials[-1].cost <= 40
+    assert len(distinct(lane.arena, found.failures)) <= len(found.failures)
+
+
+def test_failures_of_one_cell_count_once(lane):
+    near = [Trial(np.full(5, x), 1.0, 0.0, True, True, 0.0, False) for x in (0.01, 0.02, 3.0)]
+    assert distinct(lane.arena, near) == [near[0], near[2]]
+    assert PARTS == 3
+
+
+def test_descents_find_the_bottom_of_a_bowl_and_begin_anew():
+    bowl, found = np.array([2.0, -1.0]), []
+    search = Descents(np.zeros(2), sigma=1.0, seed=0, population=8, restarts=2, steps=20, found=0.05)
+    for _ in range(60):
+        z = search.ask()
+        losses = ((z - bowl) ** 2).sum(1)
+        found += list(z[losses < 0.05])
+        search.tell(z, losses, gradients=2 * (z - bowl) if search.needs_gradient else None)
+    assert len(found) > 3
+    assert len({tuple(x.round(6)) for x in found}) == len(found)
+
+
+def test_more_restarts_than_points_are_refused():
+    with pytest.raises(TuningError, match="restarts is 9"):
+        Descents(np.zeros(2), sigma=1.0, seed=0, population=8, restarts=9)
