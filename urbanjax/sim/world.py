@@ -135,7 +135,7 @@ def step(
         strongest = jnp.maximum(jnp.maximum(to_ego, to_stop), held.braking)
         wanted = agents.follow(lanes, traffic, chain=chain, braking=strongest, params=params.traffic)
         pace = None
-        if script is not None:
+        if script is not None and time is not None:
             wanted = scripts.accelerated(script, wanted, time=time, dt=small)
             pace = scripts.paces(script, 1 / params.traffic.change_duration, time=time, dt=small)
         before = traffic.speed

@@ -51,8 +51,8 @@ def test_slope_of_the_threat_equals_central_differences():
         slope = jax.grad(threat)(start)
         for name in ("ego_speed", "station", "speed", "brakes_at", "braking"):
             one, other = (threat(start.replace(**{name: getattr(start, name) + x})) for x in (step, -step))
-            assert getattr(slope, name) == pytest.approx((one - other) / (2 * step), rel=1e-5), name
-        assert slope.station == pytest.approx(1, abs=1e-3)  # one metre more is one metre more
+            assert float(getattr(slope, name)) == pytest.approx(float(one - other) / (2 * step), rel=1e-5), name
+        assert float(slope.station) == pytest.approx(1, abs=1e-3)  # one metre more is one metre more
 
 
 @pytest.mark.parametrize("name", FAMILIES)

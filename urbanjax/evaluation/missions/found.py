@@ -5,7 +5,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from urbanjax.evaluation.aim import Aim
 from urbanjax.evaluation.case import Case
@@ -76,13 +75,13 @@ def encounter_case(family: Family, *, others: TrafficParams, vehicle: VehiclePar
 
 def _to_the_end(where: EncounterStage, duration: float) -> dict[str, Any]:
     """Goal, limit and aim: to be there at the end of a drive; scores of progress take a way at the speed limit."""
-    anything = np.array([[-np.inf, np.inf]])
+    anything = jnp.array([[-jnp.inf, jnp.inf]])
     aim = Aim(
-        outline=np.zeros((1, 1, 1, 2)),
-        anywhere=np.array([True]),
-        time=np.array([[duration - LAST, np.inf]]),
+        outline=jnp.zeros((1, 1, 1, 2)),
+        anywhere=jnp.array([True]),
+        time=jnp.array([[duration - LAST, jnp.inf]]),
         speed=anything,
-        heading=np.array([[0.0, 2 * np.pi]]),
+        heading=jnp.array([[0.0, 2 * jnp.pi]]),
     )
     return jax.device_get(
         as_arrays({"goal": where.start + where.place.limit * duration, "limit": duration, "aim": aim})

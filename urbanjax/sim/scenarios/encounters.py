@@ -100,7 +100,7 @@ class Place:
 
 def braking_leader(numbers: BrakingLeader, place: Place) -> Encounter:
     """The leader ahead of the ego. Args: numbers, of the family; place, in one lane."""
-    ego = numbers.ego_speed * place.limit
+    ego = jnp.asarray(numbers.ego_speed) * place.limit
     station = place.front + numbers.time_gap * ego + place.half
     still = jnp.zeros_like(ego)
     return Encounter(
@@ -121,7 +121,7 @@ def cut_in(numbers: CutIn, place: Place) -> Encounter:
 
     Args: numbers, of the family; place, on two lanes.
     """
-    ego = numbers.ego_speed * place.limit
+    ego = jnp.asarray(numbers.ego_speed) * place.limit
     other, still = numbers.other_speed * ego, jnp.zeros_like(ego)
     gap = numbers.time_gap * ego + (ego - other) * numbers.moves_at
     return Encounter(
@@ -139,7 +139,7 @@ def cut_in(numbers: CutIn, place: Place) -> Encounter:
 
 def crossing(numbers: Crossing, place: Place) -> Encounter:
     """The one from the side. Args: numbers, of the family; place, at a junction."""
-    ego, other = numbers.ego_speed * place.limit, numbers.other_speed * place.limit
+    ego, other = (jnp.asarray(share) * place.limit for share in (numbers.ego_speed, numbers.other_speed))
     still = jnp.zeros_like(ego)
     return Encounter(
         ego_speed=ego,

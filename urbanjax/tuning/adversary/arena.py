@@ -109,7 +109,7 @@ class Arena:
         values, slopes, driven = _program(program)(
             loop, self.case, encounters=met, params=self.params, n_steps=self.steps
         )
-        failed = np.asarray(driven.collision).any(axis=1)
+        failed = np.any(np.asarray(driven.collision), axis=1)
         oracle = _never(CHUNK)
         if failed[:n].any():
             oracle = _program(_avoided, n_steps=False)(loop, self.case, driven=driven, onset=met.onset)
@@ -188,4 +188,4 @@ def _program(function: Callable, *, n_steps: bool = True) -> Callable:
 
 
 def _never(count: int) -> Avoidance:
-    return Avoidance(np.zeros(count, bool), np.full(count, -np.inf))
+    return Avoidance(jnp.zeros(count, bool), jnp.full(count, -jnp.inf))
