@@ -63,7 +63,9 @@ class FoundMission:
         return jax.device_get(case.replace(start=met))
 
 
-def encounter_case(family: Family, *, others: TrafficParams, vehicle: VehicleParams) -> tuple[Case, encounters.Place]:
+def encounter_case(
+    family: Family, *, others: TrafficParams, vehicle: VehicleParams
+) -> tuple[Case, encounters.EncounterPlace]:
     """The case of a family before anybody meets (`encounters.meet`), and its place: to be survived to the end.
 
     Args: family; others, how traffic drives; vehicle, the ego's dimensions.

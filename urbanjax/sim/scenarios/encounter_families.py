@@ -13,7 +13,7 @@ from urbanjax.roadmap.padding import GraphSize
 from urbanjax.sim.agents import TrafficParams
 from urbanjax.sim.scenarios import encounters
 from urbanjax.sim.scenarios.drawn_roads import DrawnRoad
-from urbanjax.sim.scenarios.encounters import BrakingLeader, Crossing, CutIn, Encounter, Place
+from urbanjax.sim.scenarios.encounters import BrakingLeader, Crossing, CutIn, Encounter, EncounterPlace
 from urbanjax.sim.scenarios.stage import Cast, Stage, StageSize, stage
 from urbanjax.sim.world import WorldState
 from urbanjax.types import host_record
@@ -41,8 +41,8 @@ class Family:
     name: str
     numbers: Any  # the params class's default: where searches begin
     road: Callable[[], DrawnRoad]
-    other: Callable[[Cast], Place]  # puts ego and other on the road, anywhere
-    encounter: Callable[[Any, Place], Encounter]  # pure
+    other: Callable[[Cast], EncounterPlace]  # puts ego and other on the road, anywhere
+    encounter: Callable[[Any, EncounterPlace], Encounter]  # pure
     duration: float  # s
     plane: tuple[str, str]  # the two numbers that say most of it
 
@@ -53,7 +53,7 @@ class EncounterStage:
 
     stage: Stage
     world: WorldState
-    place: Place
+    place: EncounterPlace
     start: float  # m, station of the ego's rear axle on its route
 
 
@@ -80,21 +80,21 @@ def _junction() -> DrawnRoad:
     return DrawnRoad(intersection(False, 1, leg=LEG, speed_limit=LIMIT), 1, 4 + 3, LIMIT)
 
 
-def _ahead(cast: Cast) -> Place:
+def _ahead(cast: Cast) -> EncounterPlace:
     cast.add_ego(START, speed=0.0)
     cast.add(cast.front + 20.0, speed=0.0, reacts=False)
-    return Place(LIMIT, cast.front, cast.half)
+    return EncounterPlace(LIMIT, cast.front, cast.half)
 
 
-def _beside(cast: Cast) -> Place:
+def _beside(cast: Cast) -> EncounterPlace:
     cast.add_ego(START, speed=0.0)
     at = cast.front + 20.0
     link, along = cast.stage.place(at, 1)
     cast.add(at, speed=0.0, reacts=False, other=link, other_station=along, has_other=True)
-    return Place(LIMIT, cast.front, cast.half, aside=cast.stage.offset(at, 1) - cast.stage.offset(at, 0))
+    return EncounterPlace(LIMIT, cast.front, cast.half, aside=cast.stage.offset(at, 1) - cast.stage.offset(at, 0))
 
 
-def _from_the_left(cast: Cast) -> Place:
+def _from_the_left(cast: Cast) -> EncounterPlace:
     """The other comes from the west: its link is 0, and both ways are straight."""
     graph = cast.stage.graph
     length = float(graph.length[0])
@@ -107,7 +107,7 @@ def _from_the_left(cast: Cast) -> Place:
     across = np.array([np.cos(heading), np.sin(heading)])
     # Straight ways: ego + way * across = begin + crossing * towards.
     way, station = np.linalg.solve(np.stack([across, -towards], axis=1), begin - ego)
-    return Place(LIMIT, 0.0, cast.half, way=float(way), crossing=float(station))
+    return EncounterPlace(LIMIT, 0.0, cast.half, way=float(way), crossing=float(station))
 
 
 def _straight_on(where: Stage) -> int:

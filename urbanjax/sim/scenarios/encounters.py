@@ -87,7 +87,7 @@ class Encounter:
 
 
 @host_record
-class Place:
+class EncounterPlace:
     """Where an encounter takes place, from the ego and from the other's link."""
 
     limit: float  # m/s
@@ -98,7 +98,7 @@ class Place:
     crossing: float = 0.0  # m, station of that on the other's link
 
 
-def braking_leader(numbers: BrakingLeader, place: Place) -> Encounter:
+def braking_leader(numbers: BrakingLeader, place: EncounterPlace) -> Encounter:
     """The leader ahead of the ego. Args: numbers, of the family; place, in one lane."""
     ego = jnp.asarray(numbers.ego_speed) * place.limit
     station = place.front + numbers.time_gap * ego + place.half
@@ -116,7 +116,7 @@ def braking_leader(numbers: BrakingLeader, place: Place) -> Encounter:
     )
 
 
-def cut_in(numbers: CutIn, place: Place) -> Encounter:
+def cut_in(numbers: CutIn, place: EncounterPlace) -> Encounter:
     """The one beside, so far ahead that its gap is left when it moves.
 
     Args: numbers, of the family; place, on two lanes.
@@ -137,7 +137,7 @@ def cut_in(numbers: CutIn, place: Place) -> Encounter:
     )
 
 
-def crossing(numbers: Crossing, place: Place) -> Encounter:
+def crossing(numbers: Crossing, place: EncounterPlace) -> Encounter:
     """The one from the side. Args: numbers, of the family; place, at a junction."""
     ego, other = (jnp.asarray(share) * place.limit for share in (numbers.ego_speed, numbers.other_speed))
     still = jnp.zeros_like(ego)

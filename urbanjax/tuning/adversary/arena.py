@@ -18,7 +18,7 @@ from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams, rollout, steps_of
 from urbanjax.sim.log import Log
 from urbanjax.sim.scenarios.encounter_families import Family
-from urbanjax.sim.scenarios.encounters import Encounter, Place, meet
+from urbanjax.sim.scenarios.encounters import Encounter, EncounterPlace, meet
 from urbanjax.tuning.adversary.braking import Avoidance, avoidance
 from urbanjax.tuning.adversary.threat import ThreatParams, threat
 from urbanjax.tuning.spaces import Space, space
@@ -39,7 +39,7 @@ class Verdicts:
 
 
 @pytree
-class Driven:
+class EncounterDrive:
     """What came of one drive, on the device."""
 
     log: Log
@@ -55,7 +55,7 @@ class Arena:
     hard: LoopParams
     relaxed: LoopParams  # that gradients go through; drives as `hard` does
     case: Case  # before anybody meets
-    place: Place
+    place: EncounterPlace
     params: ThreatParams
     steps: int
 
@@ -139,7 +139,7 @@ def arena(loop: LoopParams, family: Family, *, mode: str, temperature: float, pa
 
 
 def drive(loop: LoopParams, case: Case, *, encounter: Encounter, params: ThreatParams, n_steps: int) -> tuple:
-    """The threat [] m of one drive, and what came of it (`Driven`).
+    """The threat [] m of one drive, and what came of it (`EncounterDrive`).
 
     Args: loop, with the driver; case, before anybody meets; encounter; params, of the threat; n_steps.
     """
@@ -148,7 +148,7 @@ def drive(loop: LoopParams, case: Case, *, encounter: Encounter, params: ThreatP
     log, _ = rollout(loop, case.course, case.lanes, start, n_steps, keep=lambda info: None)
     seen = facts(log, case, vehicle=loop.vehicle)
     fault = jax.lax.stop_gradient(at_fault(seen, loop.vehicle).at_fault)
-    return threat(seen, loop.vehicle, params=params), Driven(log, jnp.any(fault > 0, axis=1))
+    return threat(seen, loop.vehicle, params=params), EncounterDrive(log, jnp.any(fault > 0, axis=1))
 
 
 def _valued(loop: LoopParams, case: Case, *, encounters: Encounter, params: ThreatParams, n_steps: int) -> tuple:
@@ -164,13 +164,15 @@ def _sloped(loop: LoopParams, case: Case, *, encounters: Encounter, params: Thre
     return values, slopes, driven
 
 
-def _avoided(loop: LoopParams, case: Case, *, driven: Driven, onset: Array) -> Avoidance:
+def _avoided(loop: LoopParams, case: Case, *, driven: EncounterDrive, onset: Array) -> Avoidance:
     return jax.vmap(
         lambda one, since: avoidance(one.log, case, collision=one.collision, onset=since, vehicle=loop.vehicle)
     )(driven, onset)
 
 
-def _linearised(family: Family, of: Space, place: Place, z: Array) -> tuple[Encounter, Callable[[Encounter], Array]]:
+def _linearised(
+    family: Family, of: Space, place: EncounterPlace, z: Array
+) -> tuple[Encounter, Callable[[Encounter], Array]]:
     """The encounters [N] at z [N, P], and what takes slopes by them to slopes by z."""
     base = as_arrays(family.numbers)
 
