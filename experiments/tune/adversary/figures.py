@@ -14,6 +14,7 @@ from urbanjax.tuning.adversary.hunt import SEARCHES
 COLOURS = dict(zip(SEARCHES, (GOOD, OTHER, "#2f6db3"), strict=True))
 LABELS = {"gradient": "gradient", "random": "random search", "cma_es": "CMA-ES"}
 TICKS = 33  # along the budget
+STEP = 0.85  # of z: no step of a descent is longer
 PATHS = 24  # descents that are drawn
 
 
@@ -99,6 +100,3 @@ def _paths(trials: list[Any], descends: np.ndarray) -> list[list[int]]:
         else:
             block.append([k])
     return [way for way in ways + block if len(way) > 1]
-
-
-STEP = 0.85  # of z: no step of a descent is longer

@@ -1,6 +1,6 @@
 """Searches for the failures of drivers at equal rollouts, and what of it is confirmed by the evaluation."""
 
-import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from urbanjax.evaluation import statistics
 from urbanjax.evaluation.batch import Job, Outcome, outcomes
 from urbanjax.evaluation.missions.found import FoundScene, found_missions
 from urbanjax.evaluation.statistics import WithInterval
-from urbanjax.io.runs.progress import Tick
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.scenarios.encounter_families import FAMILIES
 from urbanjax.tuning.adversary import Arena, Hunt, Trial, arena, distinct, hunt
@@ -56,7 +55,7 @@ def loop_of(loop: LoopParams, driver: str) -> LoopParams:
     return loop.replace(driver=DRIVERS[driver](**own))
 
 
-def pursue(loop: LoopParams, task: AdversaryTask, *, tick: Tick) -> list[Quarry]:
+def pursue(loop: LoopParams, task: AdversaryTask, *, tick: Callable[..., None]) -> list[Quarry]:
     """All hunts. Args: loop, of the stack; task; tick, told what goes on."""
     found, steps = [], len(task.drivers) * len(task.families) * len(SEARCHES) * task.seeds
     done = 0
@@ -132,7 +131,7 @@ def confirmed(loop: LoopParams, found: list[FoundScene], *, logs: bool = True) -
     Args: loop, with the driver; found; logs, whether they are kept.
     """
     jobs = [Job(mission, k) for mission in found_missions(found) for k in range(mission.count)]
-    return list(outcomes(dataclasses.replace(loop), jobs, logs=logs)) if jobs else []
+    return list(outcomes(loop, jobs, logs=logs)) if jobs else []
 
 
 def confirmation(driver: str, driven: list[Outcome]) -> dict[str, Any]:

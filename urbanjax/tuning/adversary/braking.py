@@ -16,6 +16,8 @@ from urbanjax.sim.log import Log
 from urbanjax.types import pytree
 from urbanjax.vehicle.params import VehicleParams
 
+RISE = 1e-5  # m per step
+
 
 @pytree
 class Avoidance:
@@ -55,9 +57,6 @@ def braked(log: Log, since: Float[Array, ""], *, vehicle: VehicleParams) -> Log:
     )
     centre = jax.vmap(along, in_axes=1, out_axes=1)(log.centre)
     return log.replace(ego=moved, centre=centre, offset=along(log.offset))
-
-
-RISE = 1e-5  # m per step
 
 
 def avoidance(

@@ -6,6 +6,8 @@ from urbanjax.tuning.optimiser import Numbers, Optimiser
 from urbanjax.types.errors import TuningError
 
 BEFOREHAND = (0.1, 1.0)  # failures found and cost, that either way of going on is credited with at first
+PROGRESS = 0.05  # of the loss, that a step has to bring
+PATIENCE = 2  # steps without
 LEAST = 1e-9  # of the norm of a gradient
 
 
@@ -98,7 +100,3 @@ class Descents(Optimiser):
         moved = z - length * gradients / np.maximum(norms, LEAST)
         self._points, self._least, self._since = moved[goes_on], self._least[goes_on], self._since[goes_on]
         self.needs_gradient = bool(goes_on.any())  # type: ignore[misc]
-
-
-PROGRESS = 0.05  # of the loss, that a step has to bring
-PATIENCE = 2  # steps without

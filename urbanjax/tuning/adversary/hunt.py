@@ -15,6 +15,7 @@ from urbanjax.types import host_record
 FOUND = 20.0  # m, by which the loss of an avoidable failure lies below its threat: every search is told so
 SIGMA = 1.7  # of z: a logistic of that spread is nearly uniform over the range of a number
 POINTS = 16  # of a generation
+RENEWED = 7919  # apart are the seeds of searches that begin anew
 PARTS = 3  # of each number's range, that tell failures apart
 
 
@@ -102,9 +103,6 @@ def hunt(arena: Arena, search: str, *, seed: int, budget: float, cost_of_gradien
         if search == "cma_es" and seen.avoidable.any():
             begun += 1
             optimiser = make(size, seed=(seed + RENEWED * begun) % SEEDS, cost_of_gradient=cost_of_gradient)
-
-
-RENEWED = 7919  # apart are the seeds of searches that begin anew
 
 
 def distinct(arena: Arena, trials: Sequence[Trial]) -> list[Trial]:
