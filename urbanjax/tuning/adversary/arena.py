@@ -80,18 +80,20 @@ class Arena:
     def cost_of_gradient(self, repeats: int = 3) -> float:
         """How many evaluations one with its gradient costs here and now: the ratio of least times, compiled.
 
-        On the CPU these are of the processor, which others may share.
+        On the CPU these are of the processor, which others may share; of the drives alone, without the oracle.
 
         Args: repeats, of each.
         """
         clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
         z = np.random.default_rng(0).normal(size=(CHUNK, len(self.space.keys)))
+        met, _ = _linearised(self.family, self.space, self.place, jnp.asarray(z, float))
         least = []
-        for ask in (self.judged, self.sloped):
+        for program, loop in ((_valued, self.hard), (_sloped, self.relaxed)):
             times = []
             for _ in range(repeats + 1):
                 begin = clock()
-                ask(z)
+                driven = _program(program)(loop, self.case, encounters=met, params=self.params, n_steps=self.steps)
+                jax.block_until_ready(driven)
                 times.append(clock() - begin)
             least.append(min(times[1:]))
         return least[1] / least[0]
