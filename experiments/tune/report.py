@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from experiments.tune import budget, closed_loop, pareto
+from experiments.tune import budget, closed_loop, horizons, pareto
 from experiments.tune.adversary import report as adversary
 from experiments.tune.imitation import report as imitation
 from experiments.tune.study import TuneStudy
@@ -12,6 +12,7 @@ WRITERS: dict[str, Callable[[TuneStudy, Run], None]] = {
     "closed_loop": closed_loop.write,
     "pareto": pareto.write,
     "budget": budget.write,
+    "horizons": horizons.write,
     "imitation": imitation.write,
     "lattice": imitation.write_lattice,
     "adversary": adversary.write,

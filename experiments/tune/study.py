@@ -10,15 +10,17 @@ from urbanjax.rollout import LoopParams
 from urbanjax.tuning import SceneParams, TrainingParams
 from urbanjax.types import POSITIVE, Unread, field, pytree, static
 
-IN_CLOSED_LOOPS = ("closed_loop", "pareto", "budget")
+SEARCHING = ("closed_loop", "pareto", "budget")
 OF_RECORDS = ("imitation", "lattice")
-TASKS = (*IN_CLOSED_LOOPS, *OF_RECORDS, "adversary")
+TASKS = (*SEARCHING, "horizons", *OF_RECORDS, "adversary")
 SEARCHES = ("gradient", "cma_es", "tpe", "random")
 READ_BY = {  # groups, and the tasks that read them
-    **dict.fromkeys(("tuned", "learned", "judged", "training", "resume"), IN_CLOSED_LOOPS),
+    **dict.fromkeys(("tuned", "judged", "resume"), SEARCHING),
+    **dict.fromkeys(("learned", "training"), (*SEARCHING, "horizons")),
     "tested": ("closed_loop", "pareto"),
     "pareto": ("pareto",),
     "budget": ("budget",),
+    "horizons": ("horizons",),
     "imitation": OF_RECORDS,
     "adversary": ("adversary",),
 }
@@ -71,6 +73,16 @@ class BudgetParams:
 
 
 @pytree
+class HorizonsParams:
+    """Gradients over longer and longer horizons."""
+
+    weights: tuple[str, ...] = static(default=("stack.planning.macro.weights.*", "stack.planning.micro.weights.*"))
+    seconds: tuple[float, ...] = static(default=(1.0, 2.0, 5.0, 10.0))
+    temperatures: tuple[float, ...] = static(default=(0.05, 0.1, 0.3))
+    scenes: int = static(default=8, metadata={"range": (1, 1000)})
+
+
+@pytree
 class TuneStudy(LoopParams):
     """A task, and what it asks; the parameters of the loop are those that it begins with."""
 
@@ -87,6 +99,7 @@ class TuneStudy(LoopParams):
     training: TrainingParams = TrainingParams()
     pareto: ParetoParams = ParetoParams()
     budget: BudgetParams = BudgetParams()
+    horizons: HorizonsParams = HorizonsParams()
     imitation: ImitationTask = ImitationTask()
     adversary: AdversaryTask = AdversaryTask()
     resume: str = static(default="", metadata={"path": True})  # directory of a run of the same config that was cut off

@@ -71,7 +71,7 @@ class ClosedLoop:
         if derivative == "auto":
             derivative = "forward" if len(self.space.numbers) <= FORWARD_MOST else "reverse"
         count = start.count
-        points = np.broadcast_to(np.asarray(z, np.float32), (count, len(self.space.numbers)))
+        points = np.broadcast_to(np.asarray(z, jnp.zeros(()).dtype), (count, len(self.space.numbers)))
         scores = [score or ScoreParams()] * count if score is None or isinstance(score, ScoreParams) else list(score)
         if len(scores) != count:
             raise ConfigError(f"{len(scores)} scores for {count} rows: give one for all, or one for each")
