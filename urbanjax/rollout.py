@@ -9,6 +9,7 @@ import jaxlie
 from jax import Array
 
 from urbanjax.course import Course
+from urbanjax.numerics.kept import recomputed
 from urbanjax.sim import log, world
 from urbanjax.sim.checks import check_drive, check_start
 from urbanjax.sim.lanes import LaneTables
@@ -181,5 +182,6 @@ def go_on(
         after = world.step(sim, lanes, now, command, params.period, relaxation, seen)
         return Underway(following, after), (entry, keep(info))
 
-    # The backward pass recomputes each step from its start: memory grows with the state alone, not with the plans.
-    return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), now, length=n_steps)
+    # The backward pass recomputes each step from its start, but for what costs much and takes little room: memory grows
+    # with the state and with that, not with the plans.
+    return jax.lax.scan(recomputed(body), now, length=n_steps)

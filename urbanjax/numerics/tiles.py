@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+from urbanjax.numerics.kept import kept
+
 T = TypeVar("T")
 
 
@@ -32,7 +34,8 @@ def by_tiles(function: Callable[[Any, Any], T], shared: Any, *, rows: Any, size:
         def tiled(shared: Any, rows: Any) -> T:
             return in_tiles(jax.checkpoint(lambda tile: function(shared, tile)), rows, size=size)
 
-        return jax.jvp(tiled, primals, tangents)
+        _, changes = jax.jvp(tiled, primals, tangents)
+        return kept(function(*primals)), changes
 
     return whole(shared, rows)
 

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
@@ -9,6 +10,7 @@ from jaxtyping import Float
 from urbanjax.geometry.boxes import Box, relaxed_box_gap
 from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.once import once
+from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.basis import product
 from urbanjax.planning.prediction import time_weights
 from urbanjax.types import SOFT, Prediction, VehicleState, pytree
@@ -89,7 +91,7 @@ def gaps(
     """
     boxes = predicted_boxes(prediction, passage.time, origin=passage.position[0])
     others = Others(boxes, *(x[None, :] for x in (prediction.speed, prediction.valid, ignored)))
-    return gaps_to(others, driving, passage=passage)
+    return gaps_between(ego_at(passage, driving), others, mode=driving.relaxation.mode)
 
 
 @pytree
@@ -102,20 +104,46 @@ class Others:
     ignored: Array  # [n or 1, C] degree to which it does not count
 
 
-def gaps_to(others: Others, driving: Driving, *, passage: Passage) -> Float[Array, "n c"]:
-    """Signed gap [n, C] (m) to some boxes, see `gaps`. Args: others; driving; passage [n], of the ego."""
+@pytree
+class Ego:
+    """The ego at each of n points, as `gaps_between` needs it."""
+
+    box: Box  # [n, 1], with its margin
+    step: Array | None  # [n, 1] m, see `Passage`
+    step_time: Array | None  # [n, 1] s
+    far: Array  # [] or [n, 1] m, more than this counts as this
+    temperature: Array  # [] or [n, 1] m, of gaps
+
+
+def ego_at(passage: Passage, driving: Driving) -> Ego:
+    """The ego at the points of a passage. Args: passage [n]; driving, with ClearanceParams."""
     params = driving.params
-    ego, other = ego_boxes(passage, driving.vehicle, origin=passage.position[0]), others.box
-    half_length = ego.half_length + params.margin
-    if passage.step is not None and passage.step_time is not None:
-        along = ego.cos[:, None] * other.cos + ego.sin[:, None] * other.sin
-        swept = passage.step[:, None] - others.speed * along * passage.step_time[:, None]
+    box = jax.tree.map(
+        lambda x: x[:, None] if x.ndim else x, ego_boxes(passage, driving.vehicle, origin=passage.position[0])
+    )
+    step, step_time = (None if x is None else x[:, None] for x in (passage.step, passage.step_time))
+    return Ego(
+        box=box.replace(half_length=box.half_length + params.margin),
+        step=step,
+        step_time=step_time,
+        far=jnp.asarray(params.far, box.x.dtype),
+        temperature=jnp.asarray(driving.relaxation.temperature * params.gap_scale, box.x.dtype),
+    )
+
+
+def gaps_between(ego: Ego, others: Others, *, mode: str) -> Float[Array, "n c"]:
+    """Signed gap [n, C] (m) between the ego and some boxes, see `gaps`. Args: ego [n]; others; mode, of relaxation."""
+    other, half_length = others.box, ego.box.half_length
+    if ego.step is not None and ego.step_time is not None:
+        along = ego.box.cos * other.cos + ego.box.sin * other.sin
+        swept = ego.step - others.speed * along * ego.step_time
         half_length = half_length + jnp.abs(swept) / 2
-    ego = Box(ego.x[:, None], ego.y[:, None], ego.cos[:, None], ego.sin[:, None], half_length, ego.half_width)
-    room = relaxed_box_gap(ego, other, relaxation=driving.relaxation, scale=params.gap_scale)
-    room = room + params.far * others.ignored
-    valid = jnp.broadcast_to(others.valid, room.shape)
-    return lean.minimum(lean.where(valid, room, params.far), params.far)
+    room = relaxed_box_gap(
+        ego.box.replace(half_length=half_length), other, relaxation=Relaxation(ego.temperature, mode)
+    )
+    room = room + ego.far * others.ignored
+    valid, far = jnp.broadcast_to(others.valid, room.shape), jnp.broadcast_to(ego.far, room.shape)
+    return lean.minimum(lean.where(valid, room, far), far)
 
 
 def followers(state: VehicleState, driving: Driving, *, prediction: Prediction) -> Float[Array, "b"]:

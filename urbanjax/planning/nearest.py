@@ -12,10 +12,10 @@ from jaxtyping import Float, Int
 
 from urbanjax.geometry.boxes import Box
 from urbanjax.numerics import lean, soft
-from urbanjax.numerics.once import once
+from urbanjax.numerics.kept import kept
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.numerics.tiles import in_tiles
-from urbanjax.planning.clearance import ClearanceParams, Others, Passage, gaps, gaps_to, unit_vector
+from urbanjax.planning.clearance import ClearanceParams, Ego, Others, Passage, ego_at, gaps, gaps_between, unit_vector
 from urbanjax.types import Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
@@ -42,9 +42,12 @@ class Meeting:
         """Gaps [n, B] (m) to all boxes."""
         return gaps(self.passage, self.driving, prediction=self.prediction, ignored=self.ignored)
 
-    def some_gaps(self, index: Array) -> Array:
-        """Gaps [n, C] (m) to some of them. Args: index [n, C] int, which at each point."""
-        return gaps_to(boxes_among(self, index), self.driving, passage=self.passage)
+    def pairs(self, index: Array) -> tuple["Pairs", "Fixed"]:
+        """The ego and some of the boxes at each point. Args: index [n, C] int, which."""
+        boxes, fixed = boxes_among(self, index)
+        count = index.shape[0]
+        ego = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, 1)), ego_at(self.passage, self.driving))
+        return boxes.replace(ego=ego), fixed
 
 
 def nearest(
@@ -78,13 +81,19 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
     # Two loops: in one, whatever reads the gaps would have them computed anew.
     room = in_tiles(lambda passage: valued.replace(passage=passage).all_gaps(), meeting.passage, size=TILE)
     seen = in_tiles(lambda some: looked(some, relaxation, params=params), room, size=TILE)
-    structure = jax.tree.structure(meeting.relaxed("hard" if mode == "hard" else "soft"))
-    _, changes = jax.jvp(
-        lambda leaves: jax.tree.unflatten(structure, leaves).some_gaps(seen.index),
+    pairs, moved, fixed = jax.jvp(
+        lambda leaves: jax.tree.unflatten(jax.tree.structure(meeting), leaves).pairs(seen.index),
         (jax.tree.leaves(meeting),),
         (jax.tree.leaves(change),),
+        has_aux=True,
     )
-    by_gap = jnp.sum(seen.weight * changes, axis=1) + seen.far * change.driving.params.far
+    smooth = "hard" if mode == "hard" else "soft"
+    slopes = in_tiles(lambda rows: slopes_of(*rows, mode=smooth), (pairs, fixed, seen.weight), size=TILE)
+    seen, slopes = kept((seen, slopes))
+    by_gap = seen.far * change.driving.params.far + sum(
+        jnp.sum((slope * along).reshape(slope.shape[0], -1), axis=1)
+        for slope, along in zip(jax.tree.leaves(slopes), jax.tree.leaves(moved), strict=True)
+    )
     if mode == "hard":
         return seen.value, by_gap
     changed = change.driving
@@ -143,7 +152,25 @@ def smallest(gap: Float[Array, "n b"], count: int) -> Int[Array, "n c"]:
     return jnp.stack(found, axis=1)
 
 
-def boxes_among(meeting: Meeting, index: Int[Array, "n c"]) -> Others:
+@pytree
+class Pairs:
+    """The ego at each of n points and C boxes there, as far as gaps between them have derivatives."""
+
+    pose: Array  # [n, C, 4] x, y (m), cosine and sine of the heading, not yet a unit vector
+    each: Array  # [n, C, 4] half length, half width (m), speed (m/s), degree to which it does not count
+    share: Array  # [n, 1] of the way between two predicted times
+    ego: Ego | None = None  # [n, 1]
+
+
+@pytree
+class Fixed:
+    """What gaps depend on besides, without a derivative."""
+
+    rate: Array  # [n, C, 4] change of the pose by the share
+    valid: Array  # [n, C] bool
+
+
+def boxes_among(meeting: Meeting, index: Int[Array, "n c"]) -> tuple[Pairs, Fixed]:
     """C of the predicted boxes at each point, when it is passed.
 
     They are `clearance.predicted_boxes`, read at the two predicted times on either side. Args: meeting; index [n, C]
@@ -155,13 +182,33 @@ def boxes_among(meeting: Meeting, index: Int[Array, "n c"]) -> Others:
     poses = jnp.concatenate([local, *(f(prediction.heading)[..., None] for f in (jnp.cos, jnp.sin))], axis=-1)
     u = lean.maximum((passage.time - prediction.time[0]) / (prediction.time[1] - prediction.time[0]), 0.0)
     cell = lean.minimum(jnp.floor(lax.stop_gradient(u)), times - 2)
-    share = (u - cell)[:, None, None]
+    share = u - cell
     rows = index * times + cell.astype(index.dtype)[:, None]
     table = poses.reshape(count * times, 4)
     before, after = lean.rows(table, rows), lean.rows(table, rows + 1)
-    x, y, cos, sin = jnp.unstack(before + share * (after - before), axis=-1)
+    # The share moves the pose by its rate, which `slopes_of` knows: so what is kept for the derivative is small.
+    pose = before + lax.stop_gradient(share)[:, None, None] * (after - before)
     sizes = prediction.length / 2, prediction.width / 2
-    each = jnp.stack([*sizes, prediction.speed, meeting.ignored, prediction.valid.astype(u.dtype)], axis=-1)
-    half_length, half_width, speed, ignored, valid = jnp.unstack(lean.rows(each, index), axis=-1)
-    box = Box(*once(x, y, *unit_vector(cos, sin), half_length, half_width))
-    return Others(box, speed, valid > 0, ignored)
+    each = lean.rows(jnp.stack([*sizes, prediction.speed, meeting.ignored], axis=-1), index)
+    rate, valid = lax.stop_gradient(after - before), lean.rows(prediction.valid.astype(jnp.int32), index) > 0
+    return Pairs(pose, each, share[:, None]), Fixed(rate, valid)
+
+
+def slopes_of(pairs: Pairs, fixed: Fixed, weight: Float[Array, "n c"], *, mode: str) -> Pairs:
+    """Derivative of the weighted sum of the gaps at each point by what belongs to that point.
+
+    A sum over all points has each of these derivatives in its gradient, since no point depends on another. Args: pairs;
+    fixed; weight [n, C], of the gaps; mode, of relaxation.
+    """
+
+    def total(pairs: Pairs) -> Array:
+        # Points last: the compiler makes vectors of the innermost axis.
+        pose = jnp.transpose(pairs.pose + (pairs.share - lax.stop_gradient(pairs.share))[..., None] * fixed.rate)
+        half_length, half_width, speed, ignored = jnp.transpose(pairs.each)
+        x, y, cos, sin = pose
+        cos, sin = unit_vector(cos, sin)
+        others = Others(Box(x, y, cos, sin, half_length, half_width), speed, fixed.valid.T, ignored)
+        ego = jax.tree.map(jnp.transpose, pairs.ego)
+        return jnp.sum(weight.T * gaps_between(ego, others, mode=mode))
+
+    return jax.grad(total)(pairs)

@@ -8,6 +8,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, polynomial, safe
+from urbanjax.numerics.kept import kept
 from urbanjax.planning import shape
 from urbanjax.planning.cross_section import CrossSections
 from urbanjax.roadmap.progress import Progress
@@ -73,7 +74,7 @@ def planar(
     guess, _ = _uniform(state.speed, end, road.station - road.station[0])
     # The search carries no derivative: one more step from its result has the exact one (implicit function theorem).
     fixed, share = jax.lax.stop_gradient((lines, lean.minimum(guess / duration, 1)))
-    share = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, share: _towards(fixed, share), share)
+    share = kept(jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, share: _towards(fixed, share), share))
     share = _towards(lines, share)
 
     _, p, cos, sin, _ = lines
@@ -133,15 +134,36 @@ def read(c: Float[Array, "j 6 n"], share: Float[Array, "j k"]) -> Float[Array, "
     As a product of powers and coefficients: half the compile time of Horner's rule where gradients are taken.
     Args: c [J, 6, n], coefficients from the constant up; share [J, K], 0 to 1.
     """
-    order = jnp.arange(1, 6).astype(c.dtype)[None, :, None]
-    last = jnp.zeros_like(c[:, :1])
-    first = jnp.concatenate([c[:, 1:] * order, last], axis=1)
-    second = jnp.concatenate([first[:, 1:] * order, last], axis=1)
+    return _read(c, share)
+
+
+@jax.custom_jvp
+def _read(c: Array, share: Array) -> Array:
+    return _values(c, _powers(share), count=3)
+
+
+@_read.defjvp
+def _read_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Each of the three has the next one for its derivative: none is taken of the powers."""
+    (c, share), (change, shift) = primals, tangents
+    powers = _powers(share)
+    at = _values(c, powers, count=4)
+    return at[..., :3], _values(change, powers, count=3) + at[..., 1:] * shift[:, :, None, None]
+
+
+def _powers(share: Float[Array, "j k"]) -> Float[Array, "j k 6"]:
     square = share * share
     cube = square * share
-    powers = jnp.stack([jnp.ones_like(share), share, square, cube, square * square, square * cube], axis=-1)
-    table = jnp.stack([c, first, second], axis=-1)
-    return jnp.einsum("jki,jind->jknd", powers, table, precision=jax.lax.Precision.HIGHEST)
+    return jnp.stack([jnp.ones_like(share), share, square, cube, square * square, square * cube], axis=-1)
+
+
+def _values(c: Float[Array, "j 6 n"], powers: Float[Array, "j k 6"], *, count: int) -> Float[Array, "j k n d"]:
+    """Value and derivatives [J, K, n, D] of polynomials. Args: c, coefficients; powers, of the shares; count D."""
+    order = jnp.arange(1, 6).astype(c.dtype)[None, :, None]
+    last, table = jnp.zeros_like(c[:, :1]), [c]
+    for _ in range(count - 1):
+        table.append(jnp.concatenate([table[-1][:, 1:] * order, last], axis=1))
+    return jnp.einsum("jki,jind->jknd", powers, jnp.stack(table, axis=-1), precision=jax.lax.Precision.HIGHEST)
 
 
 def stationwise(

@@ -1,12 +1,16 @@
 """The cheapest way through a layered graph, and its soft twin."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import soft
+from urbanjax.numerics.kept import kept
 from urbanjax.numerics.soft import Relaxation
+from urbanjax.types import pytree
 
 
 def layered_search(
@@ -25,10 +29,29 @@ def layered_search(
     relaxation, of the minimum; scale, cost that counts as clearly cheaper.
     Returns: value; node weights [S, M], each row summing to 1; edge weights [S-1, M, M].
     """
+    if relaxation.mode == "hard":
+        return _searched(start_cost, edge_cost, relaxation.replace(temperature=relaxation.temperature * scale))[0]
+    temperature = jnp.asarray(relaxation.temperature * scale, edge_cost.dtype)
+    return _relaxed(start_cost, edge_cost, temperature, relaxation.mode)
 
-    def backward(value: Array, cost: Array) -> tuple[Array, Array]:
+
+@pytree
+class Steps:
+    """What the search went by."""
+
+    ahead: Array  # [e, M] cost to go from the end of each edge
+    to_go: Array  # [e, M] from its start
+    shares: Array  # [e, M, M] how much of what begins at a node takes each edge
+    total: Array  # [M] cost of the best path by its first node
+
+
+def _searched(start_cost: Array, edge_cost: Array, relaxation: Relaxation) -> tuple[tuple[Array, Array, Array], Steps]:
+    """What `layered_search` returns, and how it came about; the relaxation's temperature is in units of cost."""
+
+    def backward(value: Array, cost: Array) -> tuple[Array, tuple[Array, Array, Array]]:
         through = cost + value[None, :]
-        return soft.minimum(through, relaxation, scale=scale), soft.choose(through, relaxation, scale=scale)
+        before = soft.minimum(through, relaxation)
+        return before, (value, before, soft.choose(through, relaxation))
 
     def forward(node: Array, step: Array) -> tuple[Array, tuple[Array, Array]]:
         edge = node[:, None] * step
@@ -37,9 +60,71 @@ def layered_search(
 
     to_go, steps = jax.lax.scan(backward, jnp.zeros_like(start_cost), edge_cost, reverse=True)
     total = start_cost + to_go
-    first = soft.choose(total, relaxation, scale=scale)
-    _, (nodes, edges) = jax.lax.scan(forward, first, steps)
-    return soft.minimum(total, relaxation, scale=scale), jnp.concatenate([first[None], nodes]), edges
+    first = soft.choose(total, relaxation)
+    _, (nodes, edges) = jax.lax.scan(forward, first, steps[2])
+    return (soft.minimum(total, relaxation), jnp.concatenate([first[None], nodes]), edges), Steps(*steps, total)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
+def _relaxed(start_cost: Array, edge_cost: Array, temperature: Array, mode: str) -> tuple[Array, Array, Array]:
+    return _searched(start_cost, edge_cost, Relaxation(temperature, mode))[0]
+
+
+@_relaxed.defjvp
+def _relaxed_jvp(
+    mode: str, primals: tuple[Array, Array, Array], tangents: tuple[Array, Array, Array]
+) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
+    """By hand: all that grows with the edges is outside of the loops, which are left with products with a vector."""
+    (start_cost, edge_cost, temperature), (start_change, edge_change, warmer) = primals, tangents
+    found, steps = kept(_searched(start_cost, edge_cost, Relaxation(temperature, mode)))
+    (_, nodes, _), shares, smooth = found, steps.shares, Relaxation(temperature, "soft")
+    choice = Softmin(edge_cost + steps.ahead[:, None, :], smooth, warmer, known=steps if mode == "soft" else None)
+
+    def backward(change: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
+        weights, own = step
+        return own + jnp.sum(weights * change[None, :], axis=1), change
+
+    begun, ahead = jax.lax.scan(
+        backward, jnp.zeros_like(start_cost), (choice.shares, choice.value_change(edge_change)), reverse=True
+    )
+    first = Softmin(steps.total, smooth, warmer)
+    first_change, apart = start_change + begun, choice.share_change(edge_change + ahead[:, None, :])
+    moved = nodes[:-1, :, None] * apart
+
+    def forward(change: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
+        taken, own = step
+        following = own + jnp.sum(change[:, None] * taken, axis=0)
+        return following, following
+
+    node_change = first.share_change(first_change)
+    _, others = jax.lax.scan(forward, node_change, (shares, jnp.sum(moved, axis=1)))
+    node_changes = jnp.concatenate([node_change[None], others])
+    return found, (
+        first.value_change(first_change),
+        node_changes,
+        node_changes[:-1, :, None] * shares + moved,
+    )
+
+
+class Softmin:
+    """Derivatives of the softmin of costs [.., n] and of its shares, with the temperature T by which it changes."""
+
+    def __init__(self, cost: Array, relaxation: Relaxation, warmer: Array, known: Steps | None = None):
+        self.temperature, self.warmer = relaxation.temperature, warmer / relaxation.temperature
+        self.shares = soft.choose(cost, relaxation) if known is None else known.shares
+        value = soft.minimum(cost, relaxation) if known is None else known.to_go
+        mean = jnp.sum(self.shares * cost, axis=-1)
+        self.by_temperature = value - mean  # T times the derivative of the softmin by T
+        self.above = cost - mean[..., None]
+
+    def value_change(self, change: Array) -> Array:
+        """Of the softmin [..]. Args: change [.., n] of the costs."""
+        return jnp.sum(self.shares * change, axis=-1) + self.by_temperature * self.warmer
+
+    def share_change(self, change: Array) -> Array:
+        """Of the shares [.., n]. Args: change [.., n] of the costs."""
+        mean = jnp.sum(self.shares * change, axis=-1, keepdims=True)
+        return self.shares * (self.above * self.warmer - (change - mean)) / self.temperature
 
 
 def closed_search(

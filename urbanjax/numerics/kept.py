@@ -1,0 +1,21 @@
+"""What the backward pass through a loop of steps keeps of each of them, where all else is computed anew."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import jax
+from jax.ad_checkpoint import checkpoint_name
+
+T = TypeVar("T")
+
+NAME = "kept"
+
+
+def kept(values: T) -> T:
+    """The values, marked: they cost much to compute and take little room. Args: values, a pytree of arrays."""
+    return checkpoint_name(values, NAME)
+
+
+def recomputed(step: Callable[..., Any]) -> Callable[..., Any]:
+    """The step of a scan, of which the backward pass has where it began and what is `kept`. Args: step, its body."""
+    return jax.checkpoint(step, prevent_cse=False, policy=jax.checkpoint_policies.save_only_these_names(NAME))
