@@ -80,7 +80,7 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
     valued, relaxation, params = _valued(meeting), meeting.driving.relaxation, meeting.driving.params
     # Two loops: in one, whatever reads the gaps would have them computed anew.
     room = in_tiles(lambda passage: valued.replace(passage=passage).all_gaps(), meeting.passage, size=TILE)
-    seen = in_tiles(lambda some: looked(some, relaxation, params=params), room, size=TILE)
+    seen = kept(in_tiles(lambda some: looked(some, relaxation, params=params), room, size=TILE))
     pairs, moved, fixed = jax.jvp(
         lambda leaves: jax.tree.unflatten(jax.tree.structure(meeting), leaves).pairs(seen.index),
         (jax.tree.leaves(meeting),),
@@ -88,8 +88,7 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
         has_aux=True,
     )
     smooth = "hard" if mode == "hard" else "soft"
-    slopes = in_tiles(lambda rows: slopes_of(*rows, mode=smooth), (pairs, fixed, seen.weight), size=TILE)
-    seen, slopes = kept((seen, slopes))
+    slopes = kept(in_tiles(lambda rows: slopes_of(*rows, mode=smooth), (pairs, fixed, seen.weight), size=TILE))
     by_gap = seen.far * change.driving.params.far + sum(
         jnp.sum((slope * along).reshape(slope.shape[0], -1), axis=1)
         for slope, along in zip(jax.tree.leaves(slopes), jax.tree.leaves(moved), strict=True)
