@@ -36,33 +36,31 @@ def layered_search(
 
 
 @pytree
-class Steps:
+class Trail:
     """What the search went by."""
 
     ahead: Array  # [e, M] cost to go from the end of each edge
-    to_go: Array  # [e, M] from its start
     shares: Array  # [e, M, M] how much of what begins at a node takes each edge
     total: Array  # [M] cost of the best path by its first node
 
 
-def _searched(start_cost: Array, edge_cost: Array, relaxation: Relaxation) -> tuple[tuple[Array, Array, Array], Steps]:
+def _searched(start_cost: Array, edge_cost: Array, relaxation: Relaxation) -> tuple[tuple[Array, Array, Array], Trail]:
     """What `layered_search` returns, and how it came about; the relaxation's temperature is in units of cost."""
 
-    def backward(value: Array, cost: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+    def backward(value: Array, cost: Array) -> tuple[Array, tuple[Array, Array]]:
         through = cost + value[None, :]
-        before = soft.minimum(through, relaxation)
-        return before, (value, before, soft.choose(through, relaxation))
+        return soft.minimum(through, relaxation), (value, soft.choose(through, relaxation))
 
     def forward(node: Array, step: Array) -> tuple[Array, tuple[Array, Array]]:
         edge = node[:, None] * step
         following = jnp.sum(edge, axis=0)
         return following, (following, edge)
 
-    to_go, steps = jax.lax.scan(backward, jnp.zeros_like(start_cost), edge_cost, reverse=True)
+    to_go, (ahead, shares) = jax.lax.scan(backward, jnp.zeros_like(start_cost), edge_cost, reverse=True)
     total = start_cost + to_go
     first = soft.choose(total, relaxation)
-    _, (nodes, edges) = jax.lax.scan(forward, first, steps[2])
-    return (soft.minimum(total, relaxation), jnp.concatenate([first[None], nodes]), edges), Steps(*steps, total)
+    _, (nodes, edges) = jax.lax.scan(forward, first, shares)
+    return (soft.minimum(total, relaxation), jnp.concatenate([first[None], nodes]), edges), Trail(ahead, shares, total)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
@@ -76,9 +74,10 @@ def _relaxed_jvp(
 ) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
     """By hand: all that grows with the edges is outside of the loops, which are left with products with a vector."""
     (start_cost, edge_cost, temperature), (start_change, edge_change, warmer) = primals, tangents
-    found, steps = kept(_searched(start_cost, edge_cost, Relaxation(temperature, mode)))
-    (_, nodes, _), shares, smooth = found, steps.shares, Relaxation(temperature, "soft")
-    choice = Softmin(edge_cost + steps.ahead[:, None, :], smooth, warmer, known=steps if mode == "soft" else None)
+    found, trail = kept(_searched(start_cost, edge_cost, Relaxation(temperature, mode)))
+    (_, nodes, _), shares = found, trail.shares
+    through, smooth = edge_cost + trail.ahead[:, None, :], Relaxation(temperature, "soft")
+    choice = Softmin(through, shares if mode == "soft" else soft.choose(through, smooth), temperature, warmer)
 
     def backward(change: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
         weights, own = step
@@ -87,7 +86,7 @@ def _relaxed_jvp(
     begun, ahead = jax.lax.scan(
         backward, jnp.zeros_like(start_cost), (choice.shares, choice.value_change(edge_change)), reverse=True
     )
-    first = Softmin(steps.total, smooth, warmer)
+    first = Softmin(trail.total, soft.choose(trail.total, smooth), temperature, warmer)
     first_change, apart = start_change + begun, choice.share_change(edge_change + ahead[:, None, :])
     moved = nodes[:-1, :, None] * apart
 
@@ -109,13 +108,13 @@ def _relaxed_jvp(
 class Softmin:
     """Derivatives of the softmin of costs [.., n] and of its shares, with the temperature T by which it changes."""
 
-    def __init__(self, cost: Array, relaxation: Relaxation, warmer: Array, known: Steps | None = None):
-        self.temperature, self.warmer = relaxation.temperature, warmer / relaxation.temperature
-        self.shares = soft.choose(cost, relaxation) if known is None else known.shares
-        value = soft.minimum(cost, relaxation) if known is None else known.to_go
-        mean = jnp.sum(self.shares * cost, axis=-1)
-        self.by_temperature = value - mean  # T times the derivative of the softmin by T
-        self.above = cost - mean[..., None]
+    def __init__(self, cost: Array, shares: Array, temperature: Array, warmer: Array):
+        self.shares, self.temperature, self.warmer = shares, temperature, warmer / temperature
+        # From the least cost on: a price of thousands leaves no digits for the rest.
+        beyond = cost - jnp.min(cost, axis=-1, keepdims=True)
+        mean = jnp.sum(shares * beyond, axis=-1, keepdims=True)
+        self.above = beyond - mean
+        self.by_temperature = temperature * jnp.log(jnp.max(shares, axis=-1)) - mean[..., 0]  # T times it
 
     def value_change(self, change: Array) -> Array:
         """Of the softmin [..]. Args: change [.., n] of the costs."""
