@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -159,3 +160,21 @@ def test_splines_through_the_points_agree_with_the_quintics(planner, scenes, par
     j = near.chosen
     np.testing.assert_allclose(a.heading[j], b.heading[j], atol=2e-3)
     np.testing.assert_allclose(a.curvature[j], b.curvature[j], atol=2e-3)
+
+
+def test_the_derivative_of_polynomials_is_the_next_one(x64):
+    rng = np.random.default_rng(0)
+    c, share = jnp.asarray(rng.normal(size=(3, 6, 2))), jnp.asarray(rng.uniform(size=(3, 5)))
+    along = jnp.asarray(rng.normal(size=c.shape)), jnp.asarray(rng.normal(size=share.shape))
+
+    def horner(c, share):
+        value, *derivatives = (sum(c[:, None, i] * share[..., None] ** i for i in range(6)),)
+        for order in (1, 2):
+            factors = [np.prod([i - k for k in range(order)]) for i in range(6)]
+            derivatives.append(
+                sum(factors[i] * c[:, None, i] * share[..., None] ** (i - order) for i in range(order, 6))
+            )
+        return jnp.stack([value, *derivatives], axis=-1)
+
+    for found, expected in zip(*(jax.jvp(f, (c, share), along) for f in (quintic.read, horner)), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)

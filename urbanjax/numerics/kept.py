@@ -12,7 +12,12 @@ NAME = "kept"
 
 
 def kept(values: T) -> T:
-    """The values, marked: they cost much to compute and take little room. Args: values, a pytree of arrays."""
+    """The values, marked: they cost much to compute and take little room.
+
+    Only what is made of the marked values spares their computation: mark them at once, and in a derivative by hand,
+    since what automatic differentiation notes of an operation is its result before the mark. Args: values, a pytree of
+    arrays.
+    """
     return checkpoint_name(values, NAME)
 
 

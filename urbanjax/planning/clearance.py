@@ -139,7 +139,9 @@ def gaps_between(ego: Ego, others: Others, *, mode: str) -> Float[Array, "n c"]:
         swept = ego.step - others.speed * along * ego.step_time
         half_length = half_length + jnp.abs(swept) / 2
     room = relaxed_box_gap(
-        ego.box.replace(half_length=half_length), other, relaxation=Relaxation(ego.temperature, mode)
+        ego.box.replace(half_length=half_length),
+        other,
+        relaxation=Relaxation(mode=mode).replace(temperature=ego.temperature),
     )
     room = room + ego.far * others.ignored
     valid, far = jnp.broadcast_to(others.valid, room.shape), jnp.broadcast_to(ego.far, room.shape)

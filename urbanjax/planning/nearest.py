@@ -88,7 +88,9 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
         has_aux=True,
     )
     smooth = "hard" if mode == "hard" else "soft"
-    slopes = kept(in_tiles(lambda rows: slopes_of(*rows, mode=smooth), (pairs, fixed, seen.weight), size=TILE))
+    slopes = kept(
+        in_tiles(lambda rows: slopes_of(*rows[:2], weight=rows[2], mode=smooth), (pairs, fixed, seen.weight), size=TILE)
+    )
     by_gap = seen.far * change.driving.params.far + sum(
         jnp.sum((slope * along).reshape(slope.shape[0], -1), axis=1)
         for slope, along in zip(jax.tree.leaves(slopes), jax.tree.leaves(moved), strict=True)
@@ -193,7 +195,7 @@ def boxes_among(meeting: Meeting, index: Int[Array, "n c"]) -> tuple[Pairs, Fixe
     return Pairs(pose, each, share[:, None]), Fixed(rate, valid)
 
 
-def slopes_of(pairs: Pairs, fixed: Fixed, weight: Float[Array, "n c"], *, mode: str) -> Pairs:
+def slopes_of(pairs: Pairs, fixed: Fixed, *, weight: Float[Array, "n c"], mode: str) -> Pairs:
     """Derivative of the weighted sum of the gaps at each point by what belongs to that point.
 
     A sum over all points has each of these derivatives in its gradient, since no point depends on another. Args: pairs;

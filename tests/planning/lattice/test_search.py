@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from urbanjax.numerics.soft import Relaxation
+from urbanjax.planning.lattice import search
 from urbanjax.planning.lattice.search import layered_search
 
 LAYERS, NODES = 5, 4
@@ -87,3 +88,21 @@ def test_a_lattice_of_barred_edges_still_has_a_finite_answer():
 
     assert np.isfinite(value(1e4))
     assert np.isfinite(jax.grad(value)(1e4))
+
+
+@pytest.mark.parametrize("mode", ["soft", "straight_through"])
+def test_the_derivative_by_hand_is_that_of_the_search(mode, x64):
+    rng = np.random.default_rng(4)
+    arguments = jnp.asarray(rng.normal(size=4)), jnp.asarray(rng.normal(size=(5, 4, 4))), jnp.asarray(0.3)
+    weights = [jnp.asarray(rng.normal(size=shape)) for shape in ((), (6, 4), (5, 4, 4))]
+
+    def gradient(function):
+        def total(*arguments):
+            return sum(jnp.sum(w * x) for w, x in zip(weights, function(*arguments), strict=True))
+
+        return jax.jit(jax.grad(total, argnums=(0, 1, 2)))(*arguments)
+
+    found = gradient(lambda start, edge, t: layered_search(start, edge, relaxation=Relaxation(t, mode), scale=0.7))
+    expected = gradient(lambda start, edge, t: search.searched(start, edge, relaxation=Relaxation(0.7 * t, mode))[0])
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)

@@ -30,7 +30,9 @@ def layered_search(
     Returns: value; node weights [S, M], each row summing to 1; edge weights [S-1, M, M].
     """
     if relaxation.mode == "hard":
-        return _searched(start_cost, edge_cost, relaxation.replace(temperature=relaxation.temperature * scale))[0]
+        return searched(
+            start_cost, edge_cost, relaxation=relaxation.replace(temperature=relaxation.temperature * scale)
+        )[0]
     temperature = jnp.asarray(relaxation.temperature * scale, edge_cost.dtype)
     return _relaxed(start_cost, edge_cost, temperature, relaxation.mode)
 
@@ -44,8 +46,13 @@ class Trail:
     total: Array  # [M] cost of the best path by its first node
 
 
-def _searched(start_cost: Array, edge_cost: Array, relaxation: Relaxation) -> tuple[tuple[Array, Array, Array], Trail]:
-    """What `layered_search` returns, and how it came about; the relaxation's temperature is in units of cost."""
+def searched(
+    start_cost: Array, edge_cost: Array, *, relaxation: Relaxation
+) -> tuple[tuple[Array, Array, Array], Trail]:
+    """What `layered_search` returns, and how it came about, which differentiates itself.
+
+    Args: start_cost [M]; edge_cost [S-1, M, M]; relaxation, whose temperature is in units of cost.
+    """
 
     def backward(value: Array, cost: Array) -> tuple[Array, tuple[Array, Array]]:
         through = cost + value[None, :]
@@ -65,7 +72,7 @@ def _searched(start_cost: Array, edge_cost: Array, relaxation: Relaxation) -> tu
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(3,))
 def _relaxed(start_cost: Array, edge_cost: Array, temperature: Array, mode: str) -> tuple[Array, Array, Array]:
-    return _searched(start_cost, edge_cost, Relaxation(temperature, mode))[0]
+    return searched(start_cost, edge_cost, relaxation=Relaxation(mode=mode).replace(temperature=temperature))[0]
 
 
 @_relaxed.defjvp
@@ -74,9 +81,11 @@ def _relaxed_jvp(
 ) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
     """By hand: all that grows with the edges is outside of the loops, which are left with products with a vector."""
     (start_cost, edge_cost, temperature), (start_change, edge_change, warmer) = primals, tangents
-    found, trail = kept(_searched(start_cost, edge_cost, Relaxation(temperature, mode)))
+    found, trail = kept(
+        searched(start_cost, edge_cost, relaxation=Relaxation(mode=mode).replace(temperature=temperature))
+    )
     (_, nodes, _), shares = found, trail.shares
-    through, smooth = edge_cost + trail.ahead[:, None, :], Relaxation(temperature, "soft")
+    through, smooth = edge_cost + trail.ahead[:, None, :], Relaxation(mode="soft").replace(temperature=temperature)
     choice = Softmin(through, shares if mode == "soft" else soft.choose(through, smooth), temperature, warmer)
 
     def backward(change: Array, step: tuple[Array, Array]) -> tuple[Array, Array]:
