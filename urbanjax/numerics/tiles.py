@@ -35,9 +35,14 @@ def by_tiles(function: Callable[[Any, Any], T], shared: Any, *, rows: Any, size:
             return in_tiles(jax.checkpoint(lambda tile: function(shared, tile)), rows, size=size)
 
         _, changes = jax.jvp(tiled, primals, tangents)
-        return kept(function(*primals)), changes
+        values, (_, rows) = function(*primals), primals
+        return kept(values) if _size(values) < _size(rows) else values, changes
 
     return whole(shared, rows)
+
+
+def _size(tree: Any) -> int:
+    return sum(leaf.size for leaf in jax.tree.leaves(tree))
 
 
 def in_tiles(function: Callable[[Any], T], rows: Any, *, size: int) -> T:

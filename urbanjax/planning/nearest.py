@@ -88,9 +88,8 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
         has_aux=True,
     )
     smooth = "hard" if mode == "hard" else "soft"
-    slopes = kept(
-        in_tiles(lambda rows: slopes_of(*rows[:2], weight=rows[2], mode=smooth), (pairs, fixed, seen.weight), size=TILE)
-    )
+    sloped = (pairs, fixed, seen.weight)
+    slopes = in_tiles(lambda rows: slopes_of(*rows[:2], weight=rows[2], mode=smooth), sloped, size=TILE)
     by_gap = seen.far * change.driving.params.far + sum(
         jnp.sum((slope * along).reshape(slope.shape[0], -1), axis=1)
         for slope, along in zip(jax.tree.leaves(slopes), jax.tree.leaves(moved), strict=True)

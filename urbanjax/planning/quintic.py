@@ -148,7 +148,9 @@ def _read_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tu
     (c, share), (change, shift) = primals, tangents
     powers = _powers(share)
     at = _values(c, powers, count=4)
-    return at[..., :3], _values(change, powers, count=3) + at[..., 1:] * shift[:, :, None, None]
+    # Each by itself: a sum over so few at the end of an array would take long.
+    moved = [jnp.stack([at[:, :, n, d] * shift for d in (1, 2, 3)], axis=-1) for n in range(at.shape[2])]
+    return at[..., :3], _values(change, powers, count=3) + jnp.stack(moved, axis=2)
 
 
 def _powers(share: Float[Array, "j k"]) -> Float[Array, "j k 6"]:
