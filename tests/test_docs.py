@@ -41,6 +41,13 @@ def test_examples_of_the_readme_run_as_printed(example, monkeypatch, tmp_path):
     exec(compile(example, "README.md", "exec"), {})
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("example", examples("docs/tuning.md"))
+def test_examples_of_tuning_run_as_printed(example):
+    assert len(example.splitlines()) <= 12
+    exec(compile(example, "tuning.md", "exec"), {})
+
+
 def write_inputs(folder: Path) -> None:
     """The files that the guide names: a map, two scans 0.3 m apart, and two logs."""
     (folder / "crossing.xml").write_text(texts.COMMONROAD)

@@ -5,7 +5,7 @@ import numpy as np
 from experiments.tune import tested
 from experiments.tune.search import Searched
 from experiments.tune.study import TuneStudy
-from experiments.tune.tested import MEASURES, Tested
+from experiments.tune.tested import MEASURES, HeldBackDrives
 from urbanjax.tuning import SceneParams
 from urbanjax.tuning.tune import Tuned
 
@@ -18,7 +18,7 @@ LIMITS = (
 )
 
 
-def card(params: TuneStudy, found: Searched, *, tuned: Tuned, result: Tested | None) -> str:
+def card(params: TuneStudy, found: Searched, *, tuned: Tuned, result: HeldBackDrives | None) -> str:
     """The card as Markdown. Args: params; found, the search; tuned, its outcome; result, of the tests, if any."""
     lines = ["# Tuned parameters", ""]
     lines += [f"- tuned: {len(found.search.space.keys)} numbers ({', '.join(params.tuned)})"]
@@ -33,11 +33,19 @@ def card(params: TuneStudy, found: Searched, *, tuned: Tuned, result: Tested | N
     return "\n".join([*lines, "", "## Limits", "", LIMITS, ""])
 
 
-def _test_lines(params: TuneStudy, result: Tested) -> list[str]:
+def _test_lines(params: TuneStudy, result: HeldBackDrives) -> list[str]:
     first, name = result.names
     which = params.tested
     head = f"{len(result.rows[first])} whole drives of {', '.join(which.missions)} among {', '.join(which.traffic)}"
-    lines = ["", "## Tested", "", f"{head}, paired:", "", f"| | {first} | {name} | difference |", "|---|---|---|---|"]
+    lines = [
+        "",
+        "## Tested",
+        "",
+        f"{head}, paired:",
+        "",
+        f"| | {first} | {name} | difference |",
+        "|---|---|---|---|",
+    ]
     table = tested.table(result)
     rows = [k for k, traffic in enumerate(table["traffic"]) if traffic == "all"]
     for k, (title, _) in zip(rows, MEASURES.values(), strict=True):

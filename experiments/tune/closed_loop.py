@@ -12,7 +12,7 @@ from experiments.tune import figures, tested
 from experiments.tune.card import card
 from experiments.tune.search import Searched, searched
 from experiments.tune.study import TuneStudy
-from experiments.tune.tested import Tested
+from experiments.tune.tested import HeldBackDrives
 from urbanjax.evaluation.batch import Job, outcomes
 from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.road_users import until_end
@@ -140,7 +140,7 @@ def _short(value: Any) -> Any:
     return ", ".join(f"{x:.4g}" for x in value) if isinstance(value, list) else value
 
 
-def _test_section(params: TuneStudy, result: Tested, tuned: Tuned, run: Run, tick: Any) -> report.Section:
+def _test_section(params: TuneStudy, result: HeldBackDrives, tuned: Tuned, run: Run, tick: Any) -> report.Section:
     table = tested.table(result)
     run.summary(tested.summary(result))
     progress.show_table("tested", table)
@@ -172,7 +172,7 @@ def _test_section(params: TuneStudy, result: Tested, tuned: Tuned, run: Run, tic
     )
 
 
-def _most_changed(params: TuneStudy, result: Tested, tuned: Tuned) -> list[tuple[str, Any, Any]]:
+def _most_changed(params: TuneStudy, result: HeldBackDrives, tuned: Tuned) -> list[tuple[str, Any, Any]]:
     """Title and both logs of the drives whose score changed most, of one each of a mission and traffic."""
     pairs = list(zip(result.rows[DEFAULT], result.rows[TUNED], strict=True))
     order = sorted(pairs, key=lambda pair: -abs(pair[1]["score"] - pair[0]["score"]))

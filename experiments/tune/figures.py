@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments.tune.search import Searched
-from experiments.tune.tested import Tested
+from experiments.tune.tested import HeldBackDrives
 from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
 
 MOST = 12  # numbers whose way is drawn, those that moved farthest
@@ -58,7 +58,7 @@ def draw_values(found: Searched, path: Path) -> None:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
 
 
-def draw_differences(found: Tested, name: str, path: Path) -> None:
+def draw_differences(found: HeldBackDrives, name: str, path: Path) -> None:
     """The score of every drive before and after, and of each mission. Args: found; name, of the set; path."""
     first = found.names[0]
     before, after = (np.array([row["score"] for row in found.rows[one]]) for one in (first, name))

@@ -11,7 +11,7 @@ from experiments.common.scenes import scenes
 from experiments.tune import tested
 from experiments.tune.search import Searched, searched
 from experiments.tune.study import ParetoParams, TuneStudy
-from experiments.tune.tested import Tested
+from experiments.tune.tested import HeldBackDrives
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.scores import ScoreParams
 from urbanjax.evaluation.statistics import WithInterval
@@ -53,7 +53,7 @@ def preferences(params: ParetoParams) -> list[tuple[float, ScoreParams]]:
     return found
 
 
-def points(found: Tested) -> list[FrontPoint]:
+def points(found: HeldBackDrives) -> list[FrontPoint]:
     """Every parameter set in both objectives. Args: found, drives of all sets."""
 
     def of(rows: list[dict[str, Any]], names: tuple[str, ...]) -> WithInterval:

@@ -31,14 +31,16 @@ MEASURES = {  # title of each column, and whether it is a share
 
 
 @host_record
-class Tested:
+class HeldBackDrives:
     """Drives of every parameter set, row by row from the same starts."""
 
     names: tuple[str, ...]  # of the sets; the first is what others are compared with
     rows: dict[str, list[dict[str, Any]]]  # by the name of the set
 
 
-def tested(params: HeldBackParams, sets: dict[str, LoopParams], *, tick: Callable[[str, float], None]) -> Tested:
+def tested(
+    params: HeldBackParams, sets: dict[str, LoopParams], *, tick: Callable[[str, float], None]
+) -> HeldBackDrives:
     """The drives of all sets. Args: sets, loops by name; tick, told what is done and the share that is done."""
     jobs = [
         Job(MISSIONS[name], params.seed + k, which)
@@ -53,10 +55,10 @@ def tested(params: HeldBackParams, sets: dict[str, LoopParams], *, tick: Callabl
             rows[names[one.job.params]].append(_row(one, list(sets.values())[one.job.params].vehicle))
             done += 1
             tick(f"driving {traffic}, {done} of {total}", done / total)
-    return Tested(names, rows)
+    return HeldBackDrives(names, rows)
 
 
-def table(found: Tested) -> dict[str, list[Any]]:
+def table(found: HeldBackDrives) -> dict[str, list[Any]]:
     """Every measure of every set, and what the others have more than the first one, with intervals."""
     first, *others = found.names
     columns: dict[str, list[Any]] = {"traffic": [], "drives": [], "measure": [], first: []}
@@ -76,7 +78,7 @@ def table(found: Tested) -> dict[str, list[Any]]:
     return columns
 
 
-def summary(found: Tested) -> dict[str, float]:
+def summary(found: HeldBackDrives) -> dict[str, float]:
     """The same as flat numbers, of all traffic together."""
     first, *others = found.names
     out: dict[str, float] = {"tested_drives": float(len(found.rows[first]))}
@@ -100,7 +102,7 @@ def difference(
     return found.percent if MEASURES[measure][1] else found
 
 
-def worse(found: Tested, name: str, count: int) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+def worse(found: HeldBackDrives, name: str, count: int) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """The drives that lost most of the score, with those of before. Args: name, of the set; count, at most."""
     pairs = list(zip(found.rows[found.names[0]], found.rows[name], strict=True))
     lost = [pair for pair in pairs if pair[1]["score"] < pair[0]["score"]]
