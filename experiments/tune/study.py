@@ -87,8 +87,15 @@ class TuneStudy(LoopParams):
     """A task, and what it asks; the parameters of the loop are those that it begins with."""
 
     UNREAD: ClassVar[dict[str, Unread | None]] = {
-        name: Unread(f"only {' and '.join(tasks)} do, see 'task'", lambda p, tasks=tasks: p.task not in tasks)
-        for name, tasks in READ_BY.items()
+        **{
+            name: Unread(f"only {' and '.join(tasks)} do, see 'task'", lambda p, tasks=tasks: p.task not in tasks)
+            for name, tasks in READ_BY.items()
+        },
+        **dict.fromkeys(("stack.planning.*_scale", "stack.behavior.*_scale", "sim.reaction.*_scale")),
+        "stack.relaxation": Unread(
+            "what is differentiated has its own, see 'training.mode' and 'training.temperatures'"
+        ),
+        "stack.localizer": Unread("poses are given"),
     }
 
     task: str = static(default="closed_loop", metadata={"choices": TASKS})

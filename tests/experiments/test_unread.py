@@ -26,6 +26,7 @@ from experiments.racetrack.study import RacetrackStudy
 from experiments.recorded.study import RecordedStudy
 from experiments.register.study import RegisterStudy
 from experiments.traffic.study import TrafficStudy
+from experiments.tune.study import TuneStudy
 from tests.conftest import REPOSITORY
 from urbanjax.evaluation import metrics
 from urbanjax.rollout import rollout
@@ -49,6 +50,7 @@ STUDIES = {
     "recorded": RecordedStudy,
     "register": RegisterStudy,
     "traffic": TrafficStudy,
+    "tune": TuneStudy,
 }
 TAU = "stack.behavior.gvp.tau"
 SIGMA = "stack.planning.micro.choice_scale"
@@ -100,6 +102,10 @@ MISTAKES = [
     ("traffic", {"files": ["a.csv"]}, "rollouts.starts"),
     ("traffic", {"files": ["a.csv"], "analysis": "platoons"}, "teams.spacing"),
     ("traffic", {"analysis": "offset"}, "files"),
+    ("tune", {}, "pareto.points"),
+    ("tune", {}, "stack.relaxation.mode"),
+    ("tune", {"task": "budget"}, "tested.seeds"),
+    ("tune", {"task": "imitation"}, "training.rate"),
 ]
 READ = [
     ("overtake", {}, "taus"),
@@ -115,6 +121,8 @@ READ = [
     ("evaluate", {"localization": ["given", "kidnapping"]}, "stack.search.starts"),
     ("evaluate", {"scenes": ["x"]}, "shortest"),
     ("benchmark", {}, TAU),
+    ("tune", {}, SIGMA),
+    ("tune", {"task": "horizons"}, "learned.missions"),
     ("localize", {}, "localizer.align.max_iterations"),
     ("traffic", {"files": ["a.csv"], "analysis": "platoons"}, "safety.ttc_threshold"),
 ]
