@@ -98,7 +98,7 @@ def write(params: TuneStudy, run: Run) -> None:
         "parameters": [point.name for point in every],
         **{name: [point.objectives[name].text(3) for point in every] for name in OBJECTIVES},
         "at-fault collision [%]": [point.at_fault.text() for point in every],
-        "front": [front.get(point.name, "-") for point in every],
+        "front": [report.cell(front[point.name]) if point.name in front else "-" for point in every],
     }
     progress.show_table("front", table)
     run.table("front", table)

@@ -1,12 +1,13 @@
 """Tuning from scenes to a tested parameter file, at a size that compiles quickly."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
-from experiments.tune import closed_loop, search
-from experiments.tune.study import HeldBackParams, TuneStudy
+from experiments.tune import budget, closed_loop, horizons, pareto, search
+from experiments.tune.study import BudgetParams, HeldBackParams, HorizonsParams, ParetoParams, TuneStudy
 from tests.scenes import loop_params
 from urbanjax.io.runs.checkpoints import read_checkpoint, write_checkpoint
 from urbanjax.io.runs.directory import Run
@@ -84,3 +85,38 @@ def test_what_cannot_be_resumed_is_said(whole, tmp_path):
     study, run = run_in(tmp_path / "broken", resume=str(tmp_path))
     with pytest.raises(FileError, match=r"checkpoint\.safetensors"):
         search.searched(study, run)
+
+
+def summary_of(run):
+    return json.loads(run.path("summary.json").read_text())
+
+
+def test_a_front_is_one_run(whole, tmp_path):
+    study, run = run_in(tmp_path / "front", task="pareto", pareto=ParetoParams(points=2, taus=(0.0,)))
+    pareto.write(study, run)
+    found = summary_of(run)
+    assert 1 <= found["front_points"] <= 2
+    assert found["before_at_fault_percent"] == 0
+    assert len(list(run.directory.glob("speed_*.yaml"))) == 2
+    assert run.path("report.html").exists()
+
+
+def test_searches_at_equal_cost_resume_where_they_were_cut(whole, tmp_path):
+    asked = BudgetParams(optimisers=("gradient", "random"), evaluations=20.0, apart=10.0, restarts=1)
+    study, run = run_in(tmp_path / "budget", task="budget", budget=asked)
+    budget.write(study, run)
+    found = summary_of(run)
+    assert found["cost_of_gradient"] > 1
+    (run.path(budget.FOLDER) / "random-0.safetensors").unlink()
+    study, again = run_in(tmp_path / "again", task="budget", budget=asked, resume=str(run.directory))
+    budget.write(study, again)
+    for name in ("gradient_last_score", "random_last_score"):
+        assert summary_of(again)[name] == found[name]
+
+
+@pytest.mark.slow
+def test_gradients_are_small_differences_in_double_precision(tmp_path):
+    asked = HorizonsParams(weights=STUDY.tuned, seconds=(1.0, 2.0), temperatures=(0.3,), scenes=2)
+    study, run = run_in(tmp_path / "horizons", task="horizons", horizons=asked)
+    horizons.write(study, run)
+    assert summary_of(run)["horizon_1_s_temperature_0.3_error_greatest"] < 1e-5
