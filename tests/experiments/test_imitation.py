@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.tune.imitation import paths, recovery, tables
-from experiments.tune.imitation.predictors import Predictions
+from experiments.tune.imitation.predictors import CONSTANT, LINEAR, NETWORK, WIDER, Predictions, Study
 from experiments.tune.imitation.task import ImitationTask, RecordedDrivers, chosen_from, drivers
 from tests import scenes
 from urbanjax.planning.micro import MICRO_TERMS
@@ -52,3 +52,16 @@ def test_means_are_over_moments_and_intervals_over_drivers():
     assert measured["log_density_nat"].value == 1.0
     assert np.isnan(measured["log_share_nat"].value)
     assert (measured["fde_m"].low, measured["fde_m"].high) == (3.0, 9.0)
+
+
+@pytest.mark.parametrize(("constant", "told"), [(1.0, "predicts better than all"), (4.0, "is not clearly better")])
+def test_the_caption_says_so_where_constant_velocity_predicts_better(constant, told):
+    nothing, chosen = np.full(4, np.nan), np.zeros(4, int)
+    error = {name: np.full((4, 2), 3.0) for name in (WIDER, LINEAR, NETWORK)} | {CONSTANT: np.full((4, 2), constant)}
+    found = {name: Predictions(values, nothing, nothing, chosen) for name, values in error.items()}
+    who = RecordedDrivers(np.array(list("aabb")), np.array(["a 1", "a 2", "b 1", "b 2"]), None, {})
+    study = Study(found, {}, {}, {}, {})
+    assert told in tables.verdict(study, who)
+    rows = tables.paired_rows(study, who)
+    assert rows["FDE at 3 s"][0] == f"{LINEAR} - {WIDER}"  # of one fan
+    assert rows["difference [m]"][-1].startswith(f"{constant - 3:.2f}")

@@ -24,6 +24,16 @@ def test_integrals_on_a_circle(x64):
     np.testing.assert_allclose(costs.slowness(jnp.full(91, 4.0), jnp.full(91, 7.0), time=time).sum(), 45, rtol=1e-12)
 
 
+def test_acceleration_is_counted_over_time_and_braking_as_much(x64):
+    time = jnp.linspace(0, 5, 91)
+    for a, start in ((1.2, 3.0), (-1.2, 9.0)):
+        speed = start + a * time
+        step = jnp.diff(start * time + a * time**2 / 2)
+        np.testing.assert_allclose(costs.acceleration(speed, step, time=time).sum(), 5 * 1.2**2, rtol=1e-10)
+    still = costs.acceleration(jnp.full(91, 4.0), jnp.full(90, 5 * 4.0 / 90), time=time)
+    np.testing.assert_array_equal(still, 0)
+
+
 def test_deviation_counts_metres_squared_where_it_counts():
     offset, other = jnp.full(11, 1.5), jnp.full(11, 0.5)
     counts = (jnp.arange(11) <= 5) * 1.0
@@ -33,5 +43,7 @@ def test_deviation_counts_metres_squared_where_it_counts():
 def test_gradients_at_coincident_points_are_finite():
     gradient = jax.grad(lambda p: costs.segments(p).sum())(jnp.zeros((4, 2)))
     rate = jax.grad(lambda s: costs.curvature_rate(jnp.arange(4.0), s).sum())(jnp.zeros(3))
+    change = jax.grad(lambda s: costs.acceleration(jnp.arange(4.0), s, time=jnp.arange(4.0)).sum())(jnp.zeros(3))
     assert np.all(np.isfinite(gradient))
+    assert np.all(np.isfinite(change))
     assert np.all(np.isfinite(rate))

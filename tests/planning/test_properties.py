@@ -185,6 +185,7 @@ def path_costs():
             "deviation": costs.deviation(offset, 0.5 * offset[::-1], counts=jnp.ones_like(offset), step=step),
             "slowness": costs.slowness(speed, jnp.full_like(speed, 14.0), time=time),
             "lateral_acceleration": costs.lateral_acceleration(speed, kappa, time=time),
+            "acceleration": costs.acceleration(speed, step, time=time),
         }
         return jax.tree.map(jnp.sum, parts)
 

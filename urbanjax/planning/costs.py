@@ -93,3 +93,14 @@ def lateral_acceleration(
     Args: speed [.., K] m/s; kappa [.., K] 1/m; time [.., K] s, of passing each point.
     """
     return parts((speed * speed * kappa) ** 2, jnp.diff(time, axis=-1))
+
+
+def acceleration(
+    speed: Float[Array, "*s k"], step: Float[Array, "*s e"], *, time: Float[Array, "*s k"]
+) -> Float[Array, "*s e"]:
+    """Integral of a^2 dt (m^2/s^3) with a = d(v^2) / (2 ds), by segment.
+
+    Args: speed [.., K] m/s; step [.., K-1] m; time [.., K] s, of passing each point.
+    """
+    change = safe.divide(speed[..., 1:] ** 2 - speed[..., :-1] ** 2, 2 * step)
+    return change * change * jnp.diff(time, axis=-1)

@@ -27,6 +27,7 @@ MICRO_TERMS = (
     "macro",
     "slowness",
     "lateral_acceleration",
+    "acceleration",
 )
 REASONS = (
     "curvature",
@@ -55,6 +56,7 @@ class MicroWeights:
     macro: float = 0.1  # per m beside the macro plan and m of way
     slowness: float = 0.02  # per m^2/s
     lateral_acceleration: float = 0.05  # per m^2/s^3
+    acceleration: float = 0.0  # per m^2/s^3; above 0 prefers the present speed
 
 
 UNIT = MicroWeights(*[1.0] * len(MICRO_TERMS))
@@ -219,6 +221,7 @@ def weighted_terms(
         "macro": costs.deviation(fan.offset, fan.macro_offset[None, :], counts=everywhere, step=step),
         "slowness": costs.slowness(fan.speed, fan.free_speed[None, :], time=fan.time),
         "lateral_acceleration": costs.lateral_acceleration(fan.speed, fan.curvature, time=fan.time),
+        "acceleration": costs.acceleration(fan.speed, step, time=fan.time),
     }
     return jnp.sum(jnp.stack([getattr(params.weights, name) * terms[name] for name in MICRO_TERMS], axis=1), axis=-1)
 

@@ -61,24 +61,27 @@ def draw_losses(study: Study, path: Path) -> None:
 
 
 def draw_weights(columns: dict[str, list[Any]], path: Path) -> None:
-    """Each tuned number over what it was, one dot for each file that was left out."""
-    names, before = columns["number"], np.array(columns["before"])
-    shown = before > 0
-    with figure(path, 7.5, height=0.32 * shown.sum() + 1.0) as canvas:
-        axes = canvas.subplots()
+    """Each tuned number over what it was, or as it is where that was 0; one dot for each file that was left out."""
+    names, before = np.array(columns["number"]), np.array(columns["before"])
+    there = before > 0
+    with figure(path, 11.0, height=0.32 * there.sum() + 1.0) as canvas:
+        left, right = canvas.subplots(1, 2, width_ratios=(2, 1))
         for k, (name, values) in enumerate(list(columns.items())[2:]):
-            ratio = np.array(values)[shown] / before[shown]
-            axes.plot(ratio, np.arange(shown.sum()) + 0.1 * (k - 2), "o", ms=4, label=name.split("_T")[0])
-        axes.axvline(1.0, color=LINE, lw=0.8)
-        axes.set(xscale="log", xlabel="tuned over default", yticks=np.arange(shown.sum()), title="what was tuned")
-        axes.set_yticklabels([name for name, there in zip(names, shown, strict=True) if there])
-        axes.invert_yaxis()
-        axes.legend(fontsize=7)
+            label, beside = name.split("_T")[0], 0.1 * (k - 2)
+            left.plot(np.array(values)[there] / before[there], np.arange(there.sum()) + beside, "o", ms=4, label=label)
+            right.plot(np.array(values)[~there], np.arange((~there).sum()) + beside, "o", ms=4)
+        left.axvline(1.0, color=LINE, lw=0.8)
+        left.set(xscale="log", xlabel="tuned over default", title="a  what was tuned")
+        right.set(xlabel="tuned", title="b  what was 0", ylim=(-0.6, (~there).sum() - 0.4))
+        for axes, shown in ((left, names[there]), (right, names[~there])):
+            axes.set_yticks(np.arange(len(shown)), [name.replace("micro.weights.", "") for name in shown])
+            axes.invert_yaxis()
+        left.legend(fontsize=7)
 
 
-def draw_examples(study: Study, drivers: RecordedDrivers, loop: LoopParams, path: Path, count: int = 4) -> None:
-    """Moments at which the tuned choice is nearest to the driver beside the default one, and the worst."""
-    gain = study.predictions[DEFAULT].error[:, -1] - study.predictions[LINEAR].error[:, -1]
+def draw_examples(study: Study, drivers: RecordedDrivers, wide: LoopParams, path: Path, count: int = 4) -> None:
+    """Moments at which tuning gained most over the default of the same fan, and the one at which it lost most."""
+    gain = study.predictions[WIDER].error[:, -1] - study.predictions[LINEAR].error[:, -1]
     order, rows, seen = np.argsort(-gain), [], set()
     for i in order:
         if drivers.driver[i] not in seen and len(rows) < count - 1:
@@ -87,11 +90,11 @@ def draw_examples(study: Study, drivers: RecordedDrivers, loop: LoopParams, path
     rows.append(int(order[-1]))
     with figure(path, 11.0, height=2.3 * count) as canvas:
         for axes, i in zip(canvas.subplots(count, 1), rows, strict=True):
-            _example(axes, study, drivers, loop, i)
+            _example(axes, study, drivers, wide, i)
         canvas.axes[-1].set(xlabel="ahead [m]")
 
 
-def _example(axes: Any, study: Study, drivers: RecordedDrivers, loop: LoopParams, i: int) -> None:
+def _example(axes: Any, study: Study, drivers: RecordedDrivers, wide: LoopParams, i: int) -> None:
     one = jax.tree.map(lambda x: x[i], drivers.every)
     ego, road = one.situation.ego, one.situation.window
     angle, origin = float(ego.heading), np.asarray(ego.position)
@@ -107,7 +110,7 @@ def _example(axes: Any, study: Study, drivers: RecordedDrivers, loop: LoopParams
             there = road.has_lane[:, q] & road.valid
             axes.plot(*np.where(there[:, None], seen(edge[:, q]), np.nan).T, color=LINE, lw=0.5, zorder=1)
     tuned = study.tuned[str(drivers.file[i])]
-    for params, who, colour in ((loop, DEFAULT, BAD), (tuned, LINEAR, GOOD)):
+    for params, who, colour in ((wide, WIDER, BAD), (tuned, LINEAR, GOOD)):
         places, whole = _places(as_arrays(params).handed_down()[0], one)
         j = int(study.predictions[who].chosen[i])
         if who == LINEAR:

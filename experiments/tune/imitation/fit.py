@@ -21,13 +21,14 @@ PLANNING = "stack.planning."
 # Transition is left out: a demonstration has no plan before it, so that nothing informs it.
 WEIGHTS = tuple(
     f"{PLANNING}micro.weights.{name}"
-    for name in ("obstacle", "curvature", "curvature_rate", "macro", "slowness", "lateral_acceleration")
+    for name in ("obstacle", "curvature", "curvature_rate", "macro", "slowness", "lateral_acceleration", "acceleration")
 )
 # What else decides how fast candidates are, and what they keep clear of. Durations are left as they are: a displacement
 # after 3 s is least where they are longer than any manoeuvre, which no vehicle should be driven with.
 FAN = (
     f"{PLANNING}primitives.speed_factors",
     f"{PLANNING}macro.profile.acceleration",
+    f"{PLANNING}macro.profile.deceleration",
     f"{PLANNING}macro.lateral_acceleration",
     f"{PLANNING}micro.min_clearance",
 )

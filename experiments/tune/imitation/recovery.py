@@ -21,6 +21,7 @@ from urbanjax.tuning.losses.lattice import DrivenPath
 from urbanjax.types import as_arrays, host_record
 
 PLANTED = (2.0, 0.5, 0.4, 3.0, 0.5, 2.0)  # factors of the default weights, in the order of `fit.WEIGHTS`
+PLANTED_ACCELERATION = 0.1  # per m^2/s^3: its default is 0, of which there are no multiples
 PLANTED_LATTICE = (2.0, 3.0, 0.5, 2.0, 0.6)  # of those that a road of one direction informs
 TEMPERATURE = 1.0  # m
 
@@ -32,7 +33,7 @@ class Recovered:
     cosine: float  # of planted and recovered weights, each times the spread of its term over the candidates
     regret: float  # mean planted cost of what the recovered weights choose above the least, over the mean spread
     choices: int
-    factors: dict[str, tuple[float, float]]  # key -> planted and recovered, over the default
+    weights: dict[str, tuple[float, float]]  # key -> planted, and recovered at the planted temperature
     uninformed: tuple[str, ...]  # left out
 
 
@@ -78,9 +79,10 @@ def demonstrated(loop: LoopParams, seen: Situation) -> Demonstration:
 def of_candidates(task: ImitationTask, loop: LoopParams, choices: Choices) -> Recovered:
     """Weights of the micro plan, from candidates drawn with planted ones."""
     keys = fit.WEIGHTS
-    planted = np.array([1.0, PLANTED[0], *PLANTED[1:3], 1.0, *PLANTED[3:]])  # by MICRO_TERMS
     weights = np.array([float(getattr(loop.stack.planning.micro.weights, name)) for name in imitation.MICRO_TERMS])
-    cost = np.asarray(choices.features @ (planted * weights) + choices.broken)
+    planted = weights * [1.0, PLANTED[0], *PLANTED[1:3], 1.0, *PLANTED[3:], 1.0]  # by MICRO_TERMS
+    planted[imitation.MICRO_TERMS.index("acceleration")] = PLANTED_ACCELERATION
+    cost = np.asarray(choices.features @ planted + choices.broken)
     drawn = draw(cost, task.seed)
     # The driver keeps to the candidate that it chose.
     error = np.where(np.arange(cost.shape[1])[None] == drawn[:, None], 0.0, 1.0)
@@ -96,12 +98,10 @@ def of_candidates(task: ImitationTask, loop: LoopParams, choices: Choices) -> Re
         np.take_along_axis(cost, (feature @ own + choices.broken).argmin(axis=1)[:, None], axis=1)[:, 0],
     )
     return Recovered(
-        cosine=cosine((planted * weights * spread)[at], (own * spread)[at]),
+        cosine=cosine((planted * spread)[at], (own * spread)[at]),
         regret=float((chosen_cost - least).mean() / np.std(cost, axis=1, where=allowed).mean()),
         choices=len(cost),
-        factors={
-            key: (float(planted[i]), float(own[i] * TEMPERATURE / weights[i])) for key, i in zip(keys, at, strict=True)
-        },
+        weights={key: (float(planted[i]), float(own[i] * TEMPERATURE)) for key, i in zip(keys, at, strict=True)},
         uninformed=("transition",),
     )
 
@@ -132,7 +132,7 @@ def of_paths(task: ImitationTask, loop: LoopParams, found: DrivenPath) -> Recove
         cosine=cosine(*scaled),
         regret=float((paid - least).mean() / least.mean()),
         choices=len(drawn),
-        factors={paths.PREFIX + n: (factors[n], float(own[n] / getattr(weights, n))) for n in names},
+        weights={paths.PREFIX + n: (planted[n], float(own[n] * TEMPERATURE)) for n in names},
         uninformed=("transition", "oncoming"),
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.tune.imitation import figures, paths, recovery, tables
 from experiments.tune.imitation.fit import FAN, WEIGHTS
-from experiments.tune.imitation.predictors import LINEAR, study
+from experiments.tune.imitation.predictors import CONSTANT, LINEAR, NETWORK, study
 from experiments.tune.imitation.task import RecordedDrivers, chosen_from, drivers, with_fan
 from urbanjax.evaluation import statistics
 from urbanjax.io.networks import save_learned
@@ -19,11 +19,13 @@ CAPTION = (
     "speeds are those that the planner assumes of its fan, which the velocity planner does not drive. Each "
     "recording is predicted by parameters that have not seen it. 'Printed': Eq. 22-24 as printed, all weights 1, so "
     "that distance to obstacles is a cost. 'Default' has the deployed fan of end speeds 0.5 and 1 times free flow; "
-    "'wide fan' has the end speeds of this task, as all that follow. 'Likely weights' are of greatest likelihood, "
-    "'tuned weights' of least expected displacement, 'tuned linear' also has end speeds, acceleration at free flow, "
-    "speed in curves and the clearance that is enough, by the gradient through the planner. Log density of what was "
+    "'wide fan' has the end speeds of this task, as all that follow, since nobody drives just half or all of free "
+    "flow. 'Likely weights' are of greatest likelihood, 'tuned weights' of least expected displacement, both with a cost of accelerating, "
+    "which is 0 by default; 'tuned linear' "
+    "also has end speeds, acceleration and deceleration at free flow, speed in curves and the clearance that is "
+    "enough, by the gradient through the planner. Log density of what was "
     "driven (two dimensions, comparable over fans), log share of the nearest candidate that breaks no limit (of one "
-    "fan only); each at the temperature that suits the training files. Brackets: 95 %, bootstrap by driver."
+    "fan only); each at the temperature that suits the training files. Brackets: 95 %, bootstrap by driver. "
 )
 LATTICE_CAPTION = (
     "Held-out log-likelihood of the driven path per layer that the record reaches; layers beyond are summed over. "
@@ -57,10 +59,16 @@ def write(params: Any, run: Run) -> None:
             run.table(name, columns)
         _summary(run, seen, found, known)
         _keep(run, found)
-        pictures = _pictures(run, seen, found, loop, shown["weights"])
+        pictures = _pictures(run, seen, found, wide, shown["weights"])
     for name in ("predictors", "differences"):
         progress.show_table(name, shown[name])
-    captions = (CAPTION, "Paired differences", "FDE by recording [m]", "What was tuned", "Planted drivers")
+    captions = (
+        CAPTION + tables.verdict(found, seen),
+        "Paired differences",
+        "FDE by recording [m]",
+        "What was tuned",
+        "Planted drivers",
+    )
     items = [report.Table(c, shown[name]) for c, name in zip(captions, shown, strict=True)]
     _report(run, "Imitation of recorded drivers", [*items[:3], *pictures, *items[3:], *_left_out(seen)])
 
@@ -106,8 +114,10 @@ def _summary(run: Run, seen: RecordedDrivers, found: Any, known: dict[str, recov
             run.summary(value.flat(f"{key}_{what}"))
     for name, value in tables.differences(found, seen).items():
         key = name.replace(", ", "_").replace(" ", "_")
-        run.summary(value.flat(f"{key}_less_default_fde_m"))
-    run.summary(tables.differences(found, seen, LINEAR)["tuned network"].flat("tuned_network_less_linear_fde_m"))
+        run.summary(value.flat(f"{key}_less_default_wide_fan_fde_m"))
+    against = tables.differences(found, seen, LINEAR)
+    run.summary(against[NETWORK].flat("tuned_network_less_linear_fde_m"))
+    run.summary(against[CONSTANT].flat("constant_velocity_less_linear_fde_m"))
     for name, one in known.items():
         run.summary({f"planted_{name}_cosine": one.cosine, f"planted_{name}_regret_share": one.regret})
 
@@ -121,14 +131,14 @@ def _keep(run: Run, found: Any) -> None:
         save_learned(run.path(f"without_{name}.safetensors"), found.networks[name])
 
 
-def _pictures(run: Run, seen: RecordedDrivers, found: Any, loop: Any, weights: dict[str, list]) -> list[report.Picture]:
+def _pictures(run: Run, seen: RecordedDrivers, found: Any, wide: Any, weights: dict[str, list]) -> list[report.Picture]:
     figures.draw_errors(found, seen, run.path("errors.png"))
     figures.draw_losses(found, run.path("losses.png"))
     figures.draw_weights(weights, run.path("weights.png"))
-    figures.draw_examples(found, seen, loop, run.path("examples.png"))
+    figures.draw_examples(found, seen, wide, run.path("examples.png"))
     captions = {
         "errors": "Displacement by horizon; bands: 95 %, bootstrap by driver",
-        "examples": "Moments where tuned and default differ most, and last the one where tuning loses most",
+        "examples": "Where tuning gains most over the default of the same fan, and last where it loses most",
         "losses": "The searches, without each file",
         "weights": "What was tuned, over what it was",
     }

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from experiments.tune.imitation.paths import PathStudy
-from experiments.tune.imitation.predictors import DEFAULT, LINEAR, Predictions, Study
+from experiments.tune.imitation.predictors import CONSTANT, LINEAR, NETWORK, WIDER, Predictions, Study
 from experiments.tune.imitation.recovery import Recovered
 from experiments.tune.imitation.task import RecordedDrivers
 from urbanjax.evaluation import statistics
@@ -55,8 +55,11 @@ def by_file(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     return columns
 
 
-def differences(study: Study, drivers: RecordedDrivers, other: str = DEFAULT) -> dict[str, WithInterval]:
-    """FDE [m] of each predictor less that of another one, paired, drawn by driver."""
+def differences(study: Study, drivers: RecordedDrivers, other: str = WIDER) -> dict[str, WithInterval]:
+    """FDE [m] of each predictor less that of another one, paired, drawn by driver.
+
+    By default the other one is the default parameters with the same fan, so that the difference is of tuning alone.
+    """
     base = study.predictions[other].error[:, -1]
     return {
         name: statistics.paired(found.error[:, -1], base, groups=drivers.driver)
@@ -66,13 +69,21 @@ def differences(study: Study, drivers: RecordedDrivers, other: str = DEFAULT) ->
 
 
 def paired_rows(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
-    """Paired differences of FDE against the default, and of the network against the tuned linear costs."""
-    found = differences(study, drivers)
-    network = differences(study, drivers, LINEAR)["tuned network"]
-    return {
-        "FDE at 3 s": [*(f"{name} - {DEFAULT}" for name in found), f"tuned network - {LINEAR}"],
-        "difference [m]": [value.text(2) for value in [*found.values(), network]],
-    }
+    """Paired differences of FDE against the default of the same fan, and of some others against the tuned linear."""
+    found = {f"{name} - {WIDER}": value for name, value in differences(study, drivers).items()}
+    against = differences(study, drivers, LINEAR)
+    found |= {f"{name} - {LINEAR}": against[name] for name in (NETWORK, CONSTANT)}
+    return {"FDE at 3 s": list(found), "difference [m]": [value.text(2) for value in found.values()]}
+
+
+def verdict(study: Study, drivers: RecordedDrivers) -> str:
+    """One sentence: whether constant velocity is nearer to the drivers than what was tuned."""
+    fde = measured(study.predictions[CONSTANT], drivers)["fde_m"].text(2)
+    gaps = {name: differences(study, drivers, name)[CONSTANT] for name in (LINEAR, NETWORK)}
+    better = all(gap.high < 0 for gap in gaps.values())
+    told = "predicts better than all that was tuned" if better else "is not clearly better than all that was tuned"
+    less = ", ".join(f"less '{name}' {gap.text(2)} m" for name, gap in gaps.items())
+    return f"Constant velocity ({fde} m) {told}: {less}."
 
 
 def weights(study: Study, start: dict[str, float]) -> dict[str, list[Any]]:
@@ -102,8 +113,8 @@ def recovered(found: dict[str, Recovered]) -> dict[str, list[Any]]:
         "choices": [row.choices for row in found.values()],
         "cosine": [f"{row.cosine:.4f}" for row in found.values()],
         "regret [%]": [f"{100 * row.regret:.3f}" for row in found.values()],
-        "factors planted / found": [
-            ", ".join(f"{key.rpartition('.')[2]} {a:g} / {b:.2f}" for key, (a, b) in row.factors.items())
+        "planted / found": [
+            ", ".join(f"{key.rpartition('.')[2]} {a:.3g} / {b:.3g}" for key, (a, b) in row.weights.items())
             for row in found.values()
         ],
         "left out, since nothing informs it": [", ".join(row.uninformed) for row in found.values()],

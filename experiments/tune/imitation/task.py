@@ -56,7 +56,7 @@ class ImitationTask:
     folder: str = static(default="", metadata={"path": True})  # of the files, by default that of the data beside
     files: tuple[str, ...] = static(default=DRIVEN)  # names, with or without .xml
     steps: int = static(default=400, metadata=COUNT)  # of a search over weights
-    fan_steps: int = static(default=36, metadata=COUNT)  # of one through the planner
+    fan_steps: int = static(default=72, metadata=COUNT)  # of one through the planner
     batch: int = static(default=48, metadata=COUNT)  # demonstrations of each of those
     network_steps: int = static(default=300, metadata=COUNT)
     planted: int = static(default=400, metadata=COUNT)  # choices of a driver with known weights
