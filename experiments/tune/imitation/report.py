@@ -23,8 +23,8 @@ CAPTION = (
     "flow. 'Likely weights' are of greatest likelihood, 'tuned weights' of least expected displacement, both with a "
     "cost of accelerating, which is 0 by default; 'tuned linear' also has end speeds, acceleration and deceleration at "
     "free flow, speed in curves and the clearance that is enough, by the gradient through the planner. Log density of "
-    "what was driven (two dimensions, comparable over fans), log share of the nearest candidate that breaks no limit (of "
-    "one fan only); each at the temperature that suits the training files. Brackets: 95 %, bootstrap by driver. "
+    "what was driven (two dimensions, comparable over fans), log share of the nearest candidate that breaks no limit "
+    "(of one fan only); each at the temperature that suits the training files. Brackets: 95 %, bootstrap by driver. "
 )
 LATTICE_CAPTION = (
     "Held-out log-likelihood of the driven path per layer that the record reaches; layers beyond are summed over. "
