@@ -7,7 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.tune.imitation.predictors import CONSTANT, DEFAULT, LINEAR, NETWORK, PRINTED, WEIGHTS, WIDER, Study
+from experiments.tune.imitation.predictors import (
+    CONSTANT,
+    DEFAULT,
+    LIKELY,
+    LINEAR,
+    NETWORK,
+    PRINTED,
+    WEIGHTS,
+    WIDER,
+    Study,
+)
 from experiments.tune.imitation.task import N_TIMES, RecordedDrivers
 from urbanjax.evaluation import statistics
 from urbanjax.evaluation.recorded.moments import SPACING
@@ -21,11 +31,13 @@ COLOURS = {
     PRINTED: "#b58900",
     DEFAULT: BAD,
     WIDER: "#e08e79",
+    LIKELY: "#2aa1b3",
     WEIGHTS: "#6c71c4",
     LINEAR: GOOD,
     NETWORK: "#1f4e79",
     CONSTANT: OTHER,
 }
+STYLES = {CONSTANT: "--", NETWORK: ":"}
 TIME = SPACING * np.arange(1, N_TIMES + 1)
 
 
@@ -39,7 +51,7 @@ def draw_errors(study: Study, drivers: RecordedDrivers, path: Path) -> None:
             for axes, values in ((left, error), (right, mean)):
                 found = [statistics.mean(values[:, k], groups=drivers.driver) for k in range(N_TIMES)]
                 value, low, high = np.array(found).T
-                axes.plot(TIME, value, color=colour, label=name, ls="--" if name == CONSTANT else "-")
+                axes.plot(TIME, value, color=colour, label=name, ls=STYLES.get(name, "-"))
                 axes.fill_between(TIME, low, high, color=colour, alpha=0.12, lw=0)
         left.set(
             xlabel="after [s]", ylabel="displacement [m]", title="a  final displacement by horizon", ylim=(0, None)
@@ -51,13 +63,13 @@ def draw_errors(study: Study, drivers: RecordedDrivers, path: Path) -> None:
 def draw_losses(study: Study, path: Path) -> None:
     """What each search saw over its steps, one line for each file that was left out."""
     searches = list(next(iter(study.losses.values())))
-    with figure(path, 12.0, height=2.9) as canvas:
+    with figure(path, 12.0, height=3.2) as canvas:
         for axes, search in zip(canvas.subplots(1, len(searches)), searches, strict=True):
             for name, losses in study.losses.items():
                 axes.plot(losses[search], lw=1.0, label=f"without {name.split('_T')[0]}")
             unit = "-log share [nat]" if search == searches[0] else "expected FDE [m]"
             axes.set(title=search, xlabel="step", ylabel=unit)
-        canvas.axes[-1].legend(fontsize=6)
+        canvas.legend(*canvas.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(study.losses))
 
 
 def draw_weights(columns: dict[str, list[Any]], path: Path) -> None:
@@ -89,8 +101,13 @@ def draw_examples(study: Study, drivers: RecordedDrivers, wide: LoopParams, path
             seen.add(drivers.driver[i])
     rows.append(int(order[-1]))
     with figure(path, 11.0, height=2.3 * count) as canvas:
-        for axes, i in zip(canvas.subplots(count, 1), rows, strict=True):
+        for axes, i in zip(canvas.subplots(count, 1, sharex=True), rows, strict=True):
             _example(axes, study, drivers, wide, i)
+        reach = max(
+            line.get_xdata().max() for axes in canvas.axes for line in axes.get_lines() if line.get_marker() == "."
+        )
+        canvas.axes[-1].set(xlim=(-15, max(float(reach), 35) + 20))
+        canvas.axes[0].legend(loc="upper right", ncols=3, fontsize=7)
         canvas.axes[-1].set(xlabel="ahead [m]")
 
 
@@ -121,12 +138,12 @@ def _example(axes: Any, study: Study, drivers: RecordedDrivers, wide: LoopParams
     others = one.situation.objects
     boxes = np.column_stack([seen(others.position), others.heading - angle, others.length, others.width])
     draw_boxes(axes, boxes[np.asarray(others.valid)], colour=OTHER)
-    reach = float(np.abs(seen(one.position[:N_TIMES])[:, 0]).max())
-    axes.set(xlim=(-15, max(reach, 35) + 25), ylim=(-9, 9), ylabel="left [m]", aspect="equal", facecolor=ROAD)
+    own = one.vehicle
+    draw_boxes(axes, np.array([[own.centre_offset, 0.0, 0.0, own.length, own.width]]), colour="black", filled=False)
+    axes.set(ylim=(-9, 9), ylabel="left [m]", aspect="equal", facecolor=ROAD)
     axes.set_title(
         f"{drivers.driver[i]}, {drivers.every.situation.ego.speed[i]:.1f} m/s, 3 s from this moment", fontsize=8
     )
-    axes.legend(loc="upper left", fontsize=7)
 
 
 @jax.jit

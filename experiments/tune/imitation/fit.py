@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from experiments.tune.imitation.task import AT_ONCE, N_TIMES, ImitationTask
+from experiments.tune.imitation.task import AT_ONCE, N_TIMES, ImitationTask, chosen_from
 from urbanjax.evaluation.recorded.demonstration import Demonstration
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.rollout import LoopParams
@@ -33,7 +33,8 @@ FAN = (
     f"{PLANNING}micro.min_clearance",
 )
 START = 10.0  # m, the temperature that searches start from: no choice is clear there
-RATE, FAN_RATE = 0.05, 0.15  # of z a step
+RATE, FAN_RATE = 0.05, 0.1  # of z a step
+KEPT_EVERY = 12  # steps of a search through the planner, of which the best on the training files is kept
 BESIDE = (-0.7, 0.0, 0.7)  # m, offsets of the fan while it is tuned through the planner: a third of the time
 COST_OF_GRADIENT = 1.0  # budgets count steps
 
@@ -88,7 +89,11 @@ def fit_weights(
 def fit_fan(
     task: ImitationTask, loop: LoopParams, every: Demonstration, *, part: np.ndarray, slope: Any = None
 ) -> Fitted:
-    """Weights and what the fan depends on, by the gradient through the planner, over batches of a part [N]."""
+    """Weights and what the fan depends on, by the gradient through the planner, over batches of a part [N].
+
+    Of the points every KEPT_EVERY steps the one of least expected displacement over the whole part is kept: as the
+    temperature falls, a batch may throw the search off.
+    """
     slope = slope or through_planner(task, loop)
     tuned, base = space(loop, (*WEIGHTS, *FAN)), as_arrays(loop)
     rng, members = np.random.default_rng(task.seed), np.flatnonzero(part)
@@ -99,9 +104,20 @@ def fit_fan(
 
     start = np.zeros(len(tuned.keys) + 1)
     search = GradientDescent(start, sigma=1.0, seed=0, rate=FAN_RATE, steps=task.fan_steps)
-    losses = list(_descend(evaluate, search, task.fan_steps))
-    last = search.ask()[0]  # the best one is that of the luckiest batch
-    return Fitted(tuned, last[:-1], START * float(np.exp(last[-1])), np.array(losses))
+    losses, points = [], []
+    for loss in _descend(evaluate, search, task.fan_steps):
+        losses.append(loss)
+        if len(losses) % KEPT_EVERY == 0 or len(losses) == task.fan_steps:
+            points.append(search.standing()[0])
+    found = [Fitted(tuned, z[:-1], START * float(np.exp(z[-1])), np.array(losses)) for z in points]
+    return min(found, key=lambda one: _expected(task, one, loop, every=every, part=part))
+
+
+def _expected(task: ImitationTask, one: Fitted, loop: LoopParams, *, every: Demonstration, part: np.ndarray) -> float:
+    """Expected final displacement [m] over a part [N], by the whole fan."""
+    moved = one.params(loop)
+    weights = moved.stack.planning.micro.weights
+    return float(_mean_displaced(chosen_from(moved, every), weights, one.temperature, jnp.asarray(part, float)))
 
 
 def through_planner(task: ImitationTask, loop: LoopParams) -> Callable[..., tuple[Array, Array]]:
@@ -137,6 +153,12 @@ def driven(choices: Choices, weights: Any, temperature: Array | float, spread: A
 def displaced(choices: Choices, weights: Any, temperature: Array | float, spread: Array | float) -> Array:
     """Expected final displacement from one driver [m]."""
     return imitation.displacement(choices, imitation.costs(choices, weights), temperature=temperature)
+
+
+@jax.jit
+def _mean_displaced(choices: Choices, weights: Any, temperature: Array, part: Array) -> Array:
+    each = jax.vmap(lambda one: displaced(one, weights, temperature, 1.0))(choices)
+    return jnp.sum(each * part) / jnp.sum(part)
 
 
 LOSSES = {"nearest": nearest, "driven": driven, "displaced": displaced}

@@ -16,6 +16,7 @@ from urbanjax.tuning.losses import imitation
 from urbanjax.tuning.losses.imitation import Choices
 
 RATE, DECAY = 3e-3, 1e-2
+START = 3.0  # m, the least temperature that training starts from: near 0 no choice has a slope
 
 
 def fit_network(
@@ -37,7 +38,7 @@ def fit_network(
 
         def one(choices: Choices) -> Array:
             cost = imitation.costs(choices, weights, learned=network)
-            return imitation.displacement(choices, cost, temperature=temperature * jnp.exp(scale))
+            return imitation.displacement(choices, cost, temperature=max(temperature, START) * jnp.exp(scale))
 
         return jnp.sum(jax.vmap(one)(choices) * part) / jnp.sum(part)
 

@@ -1,5 +1,7 @@
 """RecordedDrivers with known weights, and what is found of them: simulated choices on overtaking starts."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,7 +35,7 @@ class Recovered:
     cosine: float  # of planted and recovered weights, each times the spread of its term over the candidates
     regret: float  # mean planted cost of what the recovered weights choose above the least, over the mean spread
     choices: int
-    weights: dict[str, tuple[float, float]]  # key -> planted, and recovered at the planted temperature
+    weights: dict[str, tuple[float, float, float]]  # key -> planted, recovered (at one temperature), share of costs
     uninformed: tuple[str, ...]  # left out
 
 
@@ -101,7 +103,7 @@ def of_candidates(task: ImitationTask, loop: LoopParams, choices: Choices) -> Re
         cosine=cosine((planted * spread)[at], (own * spread)[at]),
         regret=float((chosen_cost - least).mean() / np.std(cost, axis=1, where=allowed).mean()),
         choices=len(cost),
-        weights={key: (float(planted[i]), float(own[i] * TEMPERATURE)) for key, i in zip(keys, at, strict=True)},
+        weights=told(keys, planted[at], own[at] * TEMPERATURE, spread[at]),
         uninformed=("transition",),
     )
 
@@ -132,9 +134,20 @@ def of_paths(task: ImitationTask, loop: LoopParams, found: DrivenPath) -> Recove
         cosine=cosine(*scaled),
         regret=float((paid - least).mean() / least.mean()),
         choices=len(drawn),
-        weights={paths.PREFIX + n: (planted[n], float(own[n] * TEMPERATURE)) for n in names},
+        weights=told(
+            [paths.PREFIX + n for n in names],
+            *(np.array([of[n] for n in names]) for of in (planted, {n: x * TEMPERATURE for n, x in own.items()}, size)),
+        ),
         uninformed=("transition", "oncoming"),
     )
+
+
+def told(
+    keys: Sequence[str], planted: np.ndarray, own: np.ndarray, spread: np.ndarray
+) -> dict[str, tuple[float, float, float]]:
+    """By key: weights planted and found, and their share of what costs differ by (where small, little is told)."""
+    share = planted * spread / np.sum(planted * spread)
+    return {key: (float(a), float(b), float(c)) for key, a, b, c in zip(keys, planted, own, share, strict=True)}
 
 
 def cosine(one: np.ndarray, other: np.ndarray) -> float:

@@ -113,8 +113,8 @@ def recovered(found: dict[str, Recovered]) -> dict[str, list[Any]]:
         "choices": [row.choices for row in found.values()],
         "cosine": [f"{row.cosine:.4f}" for row in found.values()],
         "regret [%]": [f"{100 * row.regret:.3f}" for row in found.values()],
-        "planted / found": [
-            ", ".join(f"{key.rpartition('.')[2]} {a:.3g} / {b:.3g}" for key, (a, b) in row.weights.items())
+        "planted / found (share of what costs differ by)": [
+            ", ".join(f"{k.rpartition('.')[2]} {a:.3g} / {b:.3g} ({c:.1%})" for k, (a, b, c) in row.weights.items())
             for row in found.values()
         ],
         "left out, since nothing informs it": [", ".join(row.uninformed) for row in found.values()],
