@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.tune.imitation import paths, recovery, tables
+from experiments.tune.imitation.paths import PathStudy
 from experiments.tune.imitation.predictors import CONSTANT, LINEAR, NETWORK, WIDER, Predictions, Study
 from experiments.tune.imitation.task import ImitationTask, RecordedDrivers, chosen_from, drivers
 from tests import scenes
@@ -65,3 +66,12 @@ def test_the_caption_says_so_where_constant_velocity_predicts_better(constant, t
     rows = tables.paired_rows(study, who)
     assert rows["FDE at 3 s"][0] == f"{LINEAR} - {WIDER}"  # of one fan
     assert rows["difference [m]"][-1].startswith(f"{constant - 3:.2f}")
+
+
+def test_the_caption_says_which_file_tuning_fails_on():
+    who = RecordedDrivers(np.array(list("aabb")), np.array(["a 1", "a 2", "b 1", "b 2"]), None, {})
+    tuned = np.array([1.0, 1.5, -2.0, -2.5])
+    study = PathStudy(np.ones(4, bool), np.full(4, 3), np.zeros(4), tuned, {}, {}, {})
+    told = tables.verdict_of_paths(study, who)
+    assert "likelier in 1 of 2 files" in told
+    assert "less likely in b (-2.25" in told

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.tune.imitation.paths import PathStudy
 from experiments.tune.imitation.predictors import (
     CONSTANT,
     DEFAULT,
@@ -154,22 +155,19 @@ def _places(stack: Any, one: Any) -> tuple[jax.Array, jax.Array]:
     return imitation.positions_at(fan, jnp.asarray(one.time[:N_TIMES]), vehicle=one.vehicle), fan.position
 
 
-def draw_paths(
-    losses: dict[str, np.ndarray], weights: dict[str, dict[str, float]], start: dict[str, float], path: Path
-) -> None:
-    """Loss over the steps, and weights of the lattice over what they were."""
+def draw_paths(study: PathStudy, start: dict[str, float], path: Path) -> None:
+    """Loss over the steps, and weights over temperature, which is all that a likelihood tells, over the default's."""
     with figure(path, 10.0, height=3.4) as canvas:
         left, right = canvas.subplots(1, 2)
         keys = list(start)
-        for k, (name, values) in enumerate(losses.items()):
-            label = f"without {name.split('_T')[0]}"
+        for k, (name, values) in enumerate(study.losses.items()):
+            label, (default, tuned) = f"without {name.split('_T')[0]}", study.temperature[name]
+            ratio = [study.weights[name][key] / start[key] * default / tuned for key in keys]
             left.plot(values, lw=1.2, label=label)
-            right.plot(
-                [weights[name][key] / start[key] for key in keys], np.arange(len(keys)) + 0.1 * (k - 2), "o", ms=4
-            )
-        left.set(xlabel="step", ylabel="-log p of a path [nat]", title="a  training loss", yscale="log")
-        left.legend()
+            right.plot(ratio, np.arange(len(keys)) + 0.1 * (k - 2), "o", ms=4)
+        left.set(xlabel="step", ylabel="-log p of a path [nat]", title="a  training loss", ylim=(0, None))
+        left.legend(loc="lower right")
         right.axvline(1.0, color=LINE, lw=0.8)
-        right.set(xscale="log", xlabel="tuned over default", yticks=np.arange(len(keys)), title="b  weights")
-        right.set_yticklabels([key.rpartition(".")[2] for key in keys])
+        right.set(xscale="log", xlabel="tuned over default, each over its temperature", title="b  weights")
+        right.set_yticks(np.arange(len(keys)), [key.rpartition(".")[2] for key in keys])
         right.invert_yaxis()

@@ -30,7 +30,7 @@ LATTICE_CAPTION = (
     "Held-out log-likelihood of the driven path per layer that the record reaches; layers beyond are summed over. "
     "Left out: paths whose nodes collide with what was predicted or break what no weight pays for, whose price is "
     "pinned. Both sets of weights at the temperature that suits the training files. Brackets: 95 %, bootstrap by "
-    "driver."
+    "driver. "
 )
 
 
@@ -88,20 +88,25 @@ def write_lattice(params: Any, run: Run) -> None:
         run.table("lattice", table)
         weights = {"weight": list(start), "before": list(start.values())}
         weights |= {f"without {name}": list(values.values()) for name, values in found.weights.items()}
-        weights["weight"].append("temperature [m]")
-        weights["before"].append(np.nan)
-        for name, (_, tuned) in found.temperature.items():
-            weights[f"without {name}"].append(tuned)
+        weights["weight"] += ["temperature [m]", "temperature of default weights [m]"]
+        weights["before"] += [np.nan, np.nan]
+        for name, (default, tuned) in found.temperature.items():
+            weights[f"without {name}"] += [tuned, default]
         run.table("lattice_weights", weights)
         some = found.use
         for name, values in (("default", found.default), ("tuned", found.tuned), ("gain", found.tuned - found.default)):
             value = statistics.mean(values[some], groups=seen.driver[some])
             run.summary(value.flat(f"{name}_log_likelihood_nat_per_layer"))
         run.summary({"paths": int(some.sum()), "paths_left_out": int((~some).sum())})
-        figures.draw_paths(found.losses, found.weights, start, run.path("lattice.png"))
+        figures.draw_paths(found, start, run.path("lattice.png"))
     progress.show_table("lattice", table)
     picture = report.Picture("The searches, and what they came to", run.path("lattice.png"))
-    items = [report.Table(LATTICE_CAPTION, table), picture, report.Table("Weights", weights), *_left_out(seen)]
+    items = [
+        report.Table(LATTICE_CAPTION + tables.verdict_of_paths(found, seen), table),
+        picture,
+        report.Table("Weights", weights),
+        *_left_out(seen),
+    ]
     _report(run, "Imitation of driven paths", items)
 
 

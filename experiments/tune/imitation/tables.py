@@ -121,6 +121,22 @@ def recovered(found: dict[str, Recovered]) -> dict[str, list[Any]]:
     }
 
 
+def verdict_of_paths(study: PathStudy, drivers: RecordedDrivers) -> str:
+    """One sentence: where tuned weights make paths of files that they have not seen likelier, and where they do not."""
+    gain = study.tuned - study.default
+    of_file = {name: study.use & (drivers.file == name) for name in drivers.files}
+    found = {
+        name: statistics.mean(gain[some], groups=drivers.driver[some]) for name, some in of_file.items() if some.any()
+    }
+    better = sum(value.low > 0 for value in found.values())
+    worse = ", ".join(f"{name} ({value.text(2)})" for name, value in found.items() if value.high < 0)
+    every = statistics.mean(gain[study.use], groups=drivers.driver[study.use]).text(2)
+    return (
+        f"Tuned weights make paths clearly likelier in {better} of {len(found)} files"
+        f"{f' and less likely in {worse}' if worse else ''}; over all of them by {every} nat per layer."
+    )
+
+
 def paths(study: PathStudy, drivers: RecordedDrivers) -> dict[str, list[Any]]:
     """Log-likelihood per layer by file that the weights have not seen, and of all."""
     rows = {name: study.use & (drivers.file == name) for name in drivers.files} | {"all": study.use}
