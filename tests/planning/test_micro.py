@@ -116,6 +116,19 @@ def test_terms_name_what_they_cost(planner, scenes, params):
         np.testing.assert_allclose(plan.terms[:, rest], base.terms[:, rest], rtol=1e-4, atol=1e-5)
 
 
+def test_a_cost_of_accelerating_keeps_the_present_speed_and_is_nothing_by_default(planner, scenes, params):
+    window = scenes.road()
+    ego, nobody = scenes.ego(window, speed=7.0), scenes.traffic(window, [])
+    keeping = params.replace(micro=params.micro.replace(weights=params.micro.weights.replace(acceleration=10.0)))
+    change = []
+    for which in (params, keeping):
+        _, fan, plan = planner(window, ego, nobody, which)
+        change.append(float(jnp.abs(fan.end.speed[plan.chosen] - 7.0)))
+        paid = np.asarray(plan.terms)[:, MICRO_TERMS.index("acceleration")]
+        assert paid.any() == (which is keeping)
+    assert change[1] < change[0]
+
+
 def test_the_previous_path_attracts(planner, scenes, params):
     window = scenes.road()
     strong = params.micro.weights.replace(transition=1.0)
