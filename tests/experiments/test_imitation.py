@@ -55,7 +55,14 @@ def test_means_are_over_moments_and_intervals_over_drivers():
     assert (measured["fde_m"].low, measured["fde_m"].high) == (3.0, 9.0)
 
 
-@pytest.mark.parametrize(("constant", "told"), [(1.0, "predicts better than all"), (4.0, "is not clearly better")])
+@pytest.mark.parametrize(
+    ("constant", "told"),
+    [
+        (1.0, "predicts better than 'tuned linear'"),
+        (3.0, "predicts neither clearly better nor worse"),
+        (4.0, "worse than 'tuned linear'"),
+    ],
+)
 def test_the_caption_says_so_where_constant_velocity_predicts_better(constant, told):
     nothing, chosen = np.full(4, np.nan), np.zeros(4, int)
     error = {name: np.full((4, 2), 3.0) for name in (WIDER, LINEAR, NETWORK)} | {CONSTANT: np.full((4, 2), constant)}

@@ -79,11 +79,14 @@ def paired_rows(study: Study, drivers: RecordedDrivers) -> dict[str, list[Any]]:
 def verdict(study: Study, drivers: RecordedDrivers) -> str:
     """One sentence: whether constant velocity is nearer to the drivers than what was tuned."""
     fde = measured(study.predictions[CONSTANT], drivers)["fde_m"].text(2)
-    gaps = {name: differences(study, drivers, name)[CONSTANT] for name in (LINEAR, NETWORK)}
-    better = all(gap.high < 0 for gap in gaps.values())
-    told = "predicts better than all that was tuned" if better else "is not clearly better than all that was tuned"
-    less = ", ".join(f"less '{name}' {gap.text(2)} m" for name, gap in gaps.items())
-    return f"Constant velocity ({fde} m) {told}: {less}."
+    told = []
+    for name in (LINEAR, NETWORK):
+        gap = differences(study, drivers, name)[CONSTANT]
+        how = (
+            "better than" if gap.high < 0 else "worse than" if gap.low > 0 else "neither clearly better nor worse than"
+        )
+        told.append(f"{how} '{name}' (by {gap.text(2)} m)")
+    return f"Constant velocity, {fde} m, predicts {' and '.join(told)}."
 
 
 def weights(study: Study, start: dict[str, float]) -> dict[str, list[Any]]:
