@@ -153,7 +153,7 @@ def test_patterns_take_what_may_be_tuned_of_what_they_mean():
     assert space(PARAMS, ["grid"]).keys == space(PARAMS, "grid[*]").keys == ("grid[0]", "grid[1]", "grid[2]")
     assert space(PARAMS, ["share", "grid[2]", "sh*"]).keys == ("share", "grid[2]")
     tuned = space(LOOP, ["stack.planning.micro.weights.*", "stack.behavior.gvp.tau"])
-    assert len(tuned.keys) == 8
+    assert len(tuned.keys) == 9
     assert "stack.planning.micro.weights.length" not in tuned.keys
 
 
