@@ -11,11 +11,14 @@ from urbanjax.io.figures.style import BAD, GOOD, OTHER, figure
 from urbanjax.tuning.adversary import Hunt, distinct
 from urbanjax.tuning.adversary.hunt import SEARCHES
 
-COLOURS = dict(zip(SEARCHES, (GOOD, OTHER, "#2f6db3"), strict=True))
-LABELS = {"gradient": "gradient", "random": "random search", "cma_es": "CMA-ES"}
+COLOURS = dict(zip(SEARCHES, (GOOD, "#8a5fb0", OTHER, "#2f6db3"), strict=True))
+LABELS = {
+    "gradient": "kriging, with gradients",
+    "values": "kriging, values alone",
+    "random": "random search",
+    "cma_es": "CMA-ES",
+}
 TICKS = 33  # along the budget
-STEP = 0.85  # of z: no step of a descent is longer
-PATHS = 24  # descents that are drawn
 
 
 def draw_counts(quarries: list[Quarry], path: Path, *, budget: float) -> None:
@@ -23,11 +26,10 @@ def draw_counts(quarries: list[Quarry], path: Path, *, budget: float) -> None:
 
     Args: quarries; path of the picture; budget, of each search.
     """
-    with figure(
-        path, 3.4 * len(quarries) if len(quarries) < 4 else 10.2, height=2.9 * -(-len(quarries) // 3)
-    ) as canvas:
-        panels = np.ravel(canvas.subplots(-(-len(quarries) // 3), min(3, len(quarries)), squeeze=False))
-        at = np.linspace(0, budget, TICKS)
+    columns = _columns(quarries)
+    rows = -(-len(quarries) // columns)
+    with figure(path, 3.4 * columns, height=2.9 * rows) as canvas:
+        panels = np.ravel(canvas.subplots(rows, columns, squeeze=False))
         for axes, one in zip(panels, quarries, strict=False):
             for search, colour in COLOURS.items():
                 counts = np.array([_over(one, found, at) for found in one.of(search)])
@@ -41,19 +43,25 @@ def draw_counts(quarries: list[Quarry], path: Path, *, budget: float) -> None:
             axes.set_axis_off()
 
 
+def _columns(quarries: list[Quarry]) -> int:
+    """A row for each driver."""
+    return max(1, len({one.family for one in quarries}))
+
+
 def _over(one: Quarry, found: Hunt, at: np.ndarray) -> np.ndarray:
     costs = [trial.cost for trial in distinct(one.arena, found.failures)]
     return np.searchsorted(np.sort(costs), at, side="right")
 
 
 def draw_plane(quarries: list[Quarry], path: Path) -> None:
-    """What was tried in the plane of two numbers of each family: avoidable, unavoidable, no failure; descents as lines.
+    """What was tried in the plane of two numbers of each family: avoidable, none; rings, gradients taken.
 
     Args: quarries; path of the picture.
     """
-    rows = -(-len(quarries) // 3)
-    with figure(path, 10.2, height=3.1 * rows) as canvas:
-        panels = np.ravel(canvas.subplots(rows, 3, squeeze=False))
+    columns = _columns(quarries)
+    rows = -(-len(quarries) // columns)
+    with figure(path, 3.4 * columns, height=3.1 * rows) as canvas:
+        panels = np.ravel(canvas.subplots(rows, columns, squeeze=False))
         for axes, one in zip(panels, quarries, strict=False):
             _plane(axes, one)
         panels[0].legend(loc="upper right", fontsize=7, frameon=True)
@@ -72,9 +80,8 @@ def _plane(axes: Any, one: Quarry) -> None:
         (avoidable, BAD, 9, "avoidable failure"),
     ):
         axes.plot(*places[which].T, "o", ms=np.sqrt(size), color=colour, label=label, ls="none", mew=0, zorder=3)
-    descends = np.array([trial.descends for trial in trials])
-    for path in _paths(trials, descends)[:PATHS]:
-        axes.plot(*places[path].T, color=GOOD, lw=0.8, zorder=4)
+    sloped = np.array([trial.sloped for trial in trials])
+    axes.plot(*places[sloped].T, "o", ms=5, mfc="none", mec=GOOD, mew=0.8, label="with its gradient", zorder=4)
     axes.set(title=f"{one.driver}: {one.family.replace('_', ' ')}")
     axes.set(
         **{f"{end}label": f"{key.replace('_', ' ')} {_unit(units[key])}" for end, key in zip("xy", keys, strict=True)}
@@ -83,20 +90,3 @@ def _plane(axes: Any, one: Quarry) -> None:
 
 def _unit(unit: str) -> str:
     return f"[{unit}]" if unit and "[" not in unit else unit if unit else "[share]"
-
-
-def _paths(trials: list[Any], descends: np.ndarray) -> list[list[int]]:
-    """Descents as indices of trials: each point follows the nearest one of the generation before it."""
-    ways: list[list[int]] = []
-    block: list[list[int]] = []
-    for k in range(len(trials)):
-        if not descends[k]:
-            ways, block = ways + block, []
-            continue
-        last = [(float(np.linalg.norm(trials[way[-1]].z - trials[k].z)), way) for way in block]
-        near = min(last, default=(np.inf, []), key=lambda pair: pair[0])
-        if near[0] <= STEP:
-            near[1].append(k)
-        else:
-            block.append([k])
-    return [way for way in ways + block if len(way) > 1]

@@ -13,13 +13,15 @@ from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run
 from urbanjax.io.runs.found_file import write_found
 from urbanjax.rollout import LoopParams
-from urbanjax.tuning.adversary.hunt import PARTS, SEARCHES
+from urbanjax.tuning.adversary.arena import PARTS
+from urbanjax.tuning.adversary.hunt import SEARCHES
 
 CAPTION = (
     "Equal rollouts for each search: one with its gradient counts as many as measured in this run. A failure is a "
     "collision at the ego's fault by the competition's rule in a hard drive; avoidable, where full braking from some "
     "step since the other one began avoids it; distinct, in another cell of the space cut into "
-    f"{PARTS} parts a number. Means over seeds with 95 % bootstrap intervals."
+    f"{PARTS} parts a number: both krigings are told of these cells, the other searches are not. Means over seeds with "
+    "95 % bootstrap intervals."
 )
 
 
@@ -36,7 +38,9 @@ def write(params: Any, run: Run) -> None:
     figures.draw_plane(quarries, run.path("plane.png"))
     items[1:1] = [
         report.Picture("Distinct avoidable failures over rollouts", run.path("counts.png")),
-        report.Picture("All that was tried, all searches; green, descents", run.path("plane.png")),
+        report.Picture(
+            "All that was tried, all searches; green rings, points with their gradient", run.path("plane.png")
+        ),
     ]
     shown = report.Section("Failures by search", [], items)
     report.write_report(

@@ -94,7 +94,7 @@ def counted(quarries: list[Quarry]) -> dict[str, list[Any]]:
                     "avoidable failures": sum(len(x.failures) for x in hunts),
                     "unavoidable": sum(len(x.unavoidable) for x in hunts),
                     "points tried": sum(len(x.trials) for x in hunts),
-                    "of them with gradient": sum(trial.descends for x in hunts for trial in x.trials),
+                    "of them with gradient": sum(trial.sloped for x in hunts for trial in x.trials),
                     "a gradient costs": one.price,
                 }
             )

@@ -10,8 +10,9 @@ import pytest
 from tests.tuning.adversary.conftest import Lane
 from urbanjax.sim.scenarios.encounter_families import FAMILIES
 from urbanjax.tuning import space
-from urbanjax.tuning.adversary import Descents, distinct, hunt
-from urbanjax.tuning.adversary.hunt import PARTS, Trial
+from urbanjax.tuning.adversary import KrigedSearch, distinct, hunt
+from urbanjax.tuning.adversary.arena import PARTS
+from urbanjax.tuning.adversary.hunt import Trial
 from urbanjax.types import as_arrays
 from urbanjax.types.errors import TuningError
 
@@ -66,7 +67,7 @@ def test_any_z_is_within_the_stated_ranges(name):
             assert number.low <= getattr(values, number.key) <= number.high + 1e-5
 
 
-@pytest.mark.parametrize("search", ["gradient", "random", "cma_es"])
+@pytest.mark.parametrize("search", ["gradient", "values", "random", "cma_es"])
 def test_whoever_sees_nobody_is_found_to_fail(lane, search):
     found = hunt(lane.arena, search, seed=1, budget=40.0, cost_of_gradient=2.0)
     assert found.failures
@@ -80,18 +81,46 @@ def test_failures_of_one_cell_count_once(lane):
     assert PARTS == 3
 
 
-def test_descents_find_the_bottom_of_a_bowl_and_begin_anew():
-    bowl, found = np.array([2.0, -1.0]), []
-    search = Descents(np.zeros(2), sigma=1.0, seed=0, population=8, restarts=2, steps=20, found=0.05)
-    for _ in range(60):
-        z = search.ask()
-        losses = ((z - bowl) ** 2).sum(1)
-        found += list(z[losses < 0.05])
-        search.tell(z, losses, gradients=2 * (z - bowl) if search.needs_gradient else None)
-    assert len(found) > 3
-    assert len({tuple(x.round(6)) for x in found}) == len(found)
+def bowl_of(seed: int, *, sloped: int, budget: float) -> tuple[set[tuple[int, ...]], list[int]]:
+    """Cells with a find, and sizes of generations with slopes, in a bowl of three numbers that chance seldom hits."""
+    bottom, found, sizes, cost = np.array([2.0, -1.5, 1.5]), set(), [], 0.0
+
+    def cells(z: np.ndarray) -> np.ndarray:
+        return np.floor(z / 0.7).astype(int)
+
+    search = KrigedSearch(np.zeros(3), sigma=1.7, seed=seed, cells=cells, found=-5.0, population=8, sloped=sloped)
+    while cost < budget:
+        z, asks = search.ask(), search.needs_gradient
+        losses = 4 * ((z - bottom) ** 2).sum(1)
+        finds = losses < 2.0
+        found |= set(map(tuple, cells(z[finds])))
+        cost += len(z) * (2 if asks else 1)
+        sizes += [len(z)] if asks else []
+        search.tell(z, losses - 20 * finds, gradients=8 * (z - bottom) if asks else None)
+    return found, sizes
 
 
-def test_more_restarts_than_points_are_refused():
-    with pytest.raises(TuningError, match="restarts is 9"):
-        Descents(np.zeros(2), sigma=1.0, seed=0, population=8, restarts=9)
+def test_a_kriged_search_goes_where_chance_seldom_comes_and_slopes_lead_it_there():
+    with_slopes = [bowl_of(seed, sloped=4, budget=96) for seed in range(4)]
+    values = [bowl_of(seed, sloped=0, budget=96)[0] for seed in range(4)]
+    drawn = np.random.default_rng(0).normal(size=(4 * 96, 3)) * 1.7
+    by_chance = ((drawn - np.array([2.0, -1.5, 1.5])) ** 2).sum(1) < 0.5
+    assert sum(len(found) for found, _ in with_slopes) > 3 * by_chance.sum()
+    assert sum(len(found) for found in values) > 3 * by_chance.sum()
+    assert all(set(sizes) == {4} for _, sizes in with_slopes)
+
+
+def test_a_generation_has_a_point_of_each_cell_and_none_where_a_find_is_known():
+    search = KrigedSearch(
+        np.zeros(2), sigma=1.0, seed=0, cells=lambda z: (z > 0).astype(int), found=-5.0, population=8, sloped=0
+    )
+    z = search.ask()
+    search.tell(z, np.where((z > 0).all(1), -15.0, 3.0))
+    cells = {tuple(row) for row in search.ask() > 0}
+    assert len(search.ask()) == 3
+    assert cells == {(False, False), (False, True), (True, False)}
+
+
+def test_sizes_that_are_none_are_refused():
+    with pytest.raises(TuningError, match="population is 0"):
+        KrigedSearch(np.zeros(2), sigma=1.0, seed=0, cells=np.sign, found=-5.0, population=0)

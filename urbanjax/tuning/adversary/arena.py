@@ -24,6 +24,7 @@ from urbanjax.tuning.adversary.threat import ThreatParams, threat
 from urbanjax.tuning.spaces import Space, space
 from urbanjax.types import as_arrays, host_record, pytree
 
+PARTS = 3  # of each number's range, that tell failures apart
 CHUNK = 16  # drives at once: what any of the programs computes
 
 
@@ -74,8 +75,14 @@ class Arena:
     def shares(self, z: np.ndarray) -> np.ndarray:
         """Where points lie in the range of each number, [N, P] from 0 to 1. Args: z [N, P]."""
         low, high = (np.array([getattr(n, end) for n in self.space.numbers]) for end in ("low", "high"))
-        values = np.array([list(self.numbers(one).values()) for one in z]).reshape(-1, len(low))
+        base = as_arrays(self.family.numbers)
+        there = jax.vmap(lambda one: self.space.params(one, base))(jnp.asarray(z, float))
+        values = np.stack([np.asarray(getattr(there, key)) for key in self.space.keys], axis=1)
         return (values - low) / (high - low)
+
+    def cells(self, z: np.ndarray) -> np.ndarray:
+        """The cells of points, [N, P]: of every number the lower, middle or upper part of its range. Args: z [N, P]."""
+        return np.clip((PARTS * self.shares(z)).astype(int), 0, PARTS - 1)
 
     def cost_of_gradient(self, repeats: int = 3) -> float:
         """How many evaluations one with its gradient costs here and now: the ratio of least times, compiled.

@@ -1,0 +1,54 @@
+"""Kriging reproduces what it was told, with the slopes that it was told, and is unsure elsewhere."""
+
+import numpy as np
+import pytest
+
+from urbanjax.tuning.adversary import Observed, krige
+
+
+def value(x: np.ndarray) -> np.ndarray:
+    return np.sin(2 * x[:, 0]) + 0.3 * x[:, 1] ** 2
+
+
+def slope(x: np.ndarray) -> np.ndarray:
+    return np.stack([2 * np.cos(2 * x[:, 0]), 0.6 * x[:, 1], 0 * x[:, 2]], axis=1)
+
+
+def observed(count: int, sloped: int) -> Observed:
+    x = np.random.default_rng(0).uniform(-1, 1, size=(count, 3))
+    return Observed(x, value(x), slope(x[:sloped]), np.arange(sloped))
+
+
+def test_covariances_of_slopes_are_derivatives_of_the_model():
+    model, x, step = krige(observed(12, 12)), np.array([[0.2, -0.1, 0.4]]), 1e-5
+    lone = krige(Observed(x, value(x), slope(x), np.arange(1)))
+    for k in range(3):
+        aside = step * np.eye(3)[k]
+        for one, tolerance in ((model, 0.15), (lone, 1.0)):
+            told = (one.at(x + aside)[0] - one.at(x - aside)[0]) / (2 * step)
+            assert told[0] == pytest.approx(slope(x)[0, k], abs=tolerance)
+
+
+def test_what_was_told_is_known_and_what_is_far_is_not():
+    seen = observed(30, 10)
+    model = krige(seen)
+    mean, deviation = model.at(seen.points)
+    assert np.abs(mean - seen.values).max() < 0.1
+    far = model.at(np.full((1, 3), 9.0))
+    assert far[0][0] == pytest.approx(model.mean, abs=0.1)
+    assert far[1][0] > 3 * deviation.mean()
+
+
+def test_slopes_make_a_model_of_few_points_better_and_tell_which_numbers_matter():
+    anywhere = np.random.default_rng(1).uniform(-1, 1, size=(200, 3))
+    errors = [np.abs(krige(observed(15, n)).at(anywhere)[0] - value(anywhere)).mean() for n in (0, 15)]
+    assert errors[1] < 0.5 * errors[0]
+    lengths = krige(observed(15, 15)).lengths
+    assert max(lengths[:2]) < lengths[2]
+
+
+def test_equal_values_are_no_trouble():
+    x = np.random.default_rng(0).uniform(-1, 1, size=(5, 2))
+    mean, deviation = krige(Observed(x, np.ones(5), np.zeros((0, 2)), np.zeros(0, int))).at(x)
+    assert np.allclose(mean, 1)
+    assert np.isfinite(deviation).all()
