@@ -30,6 +30,7 @@ def draw_counts(quarries: list[Quarry], path: Path, *, budget: float) -> None:
     rows = -(-len(quarries) // columns)
     with figure(path, 3.4 * columns, height=2.9 * rows) as canvas:
         panels = np.ravel(canvas.subplots(rows, columns, squeeze=False))
+        at = np.linspace(0, budget, TICKS)
         for axes, one in zip(panels, quarries, strict=False):
             for search, colour in COLOURS.items():
                 counts = np.array([_over(one, found, at) for found in one.of(search)])
@@ -64,7 +65,7 @@ def draw_plane(quarries: list[Quarry], path: Path) -> None:
         panels = np.ravel(canvas.subplots(rows, columns, squeeze=False))
         for axes, one in zip(panels, quarries, strict=False):
             _plane(axes, one)
-        panels[0].legend(loc="upper right", fontsize=7, frameon=True)
+        canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, markerscale=1.5)
         for axes in panels[len(quarries) :]:
             axes.set_axis_off()
 
