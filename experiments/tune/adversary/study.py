@@ -95,6 +95,7 @@ def counted(quarries: list[Quarry]) -> dict[str, list[Any]]:
                     "unavoidable": sum(len(x.unavoidable) for x in hunts),
                     "points tried": sum(len(x.trials) for x in hunts),
                     "of them with gradient": sum(trial.sloped for x in hunts for trial in x.trials),
+                    "gradients not finite": sum(trial.broken for x in hunts for trial in x.trials),
                     "a gradient costs": one.price,
                 }
             )

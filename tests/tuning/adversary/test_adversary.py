@@ -124,3 +124,13 @@ def test_a_generation_has_a_point_of_each_cell_and_none_where_a_find_is_known():
 def test_sizes_that_are_none_are_refused():
     with pytest.raises(TuningError, match="population is 0"):
         KrigedSearch(np.zeros(2), sigma=1.0, seed=0, cells=np.sign, found=-5.0, population=0)
+
+
+def test_a_gradient_that_is_not_finite_ends_no_search():
+    search = KrigedSearch(np.zeros(2), sigma=1.0, seed=0, cells=np.sign, found=-5.0, population=4, sloped=2)
+    z = search.ask()
+    search.tell(z, np.full(4, 3.0))
+    assert search.needs_gradient
+    z = search.ask()
+    search.tell(z, np.full(len(z), 2.0), gradients=np.full(z.shape, np.nan))
+    assert np.isfinite(search.ask()).all()

@@ -29,6 +29,7 @@ class Trial:
     avoidable: bool
     latest: float  # s, when full braking had to begin
     sloped: bool  # whether it was asked for with its gradient
+    broken: bool = False  # whether that is not finite
 
 
 @host_record
@@ -115,7 +116,8 @@ def hunt(arena: Arena, search: str, *, seed: int, budget: float, cost_of_gradien
         for k in range(len(z)):
             cost += price
             told = bool(seen.failed[k]), bool(seen.avoidable[k]), float(seen.latest[k])
-            trials.append(Trial(z[k], cost, float(seen.threat[k]), *told, sloped))
+            broken = seen.gradients is not None and not np.isfinite(seen.gradients[k]).all()
+            trials.append(Trial(z[k], cost, float(seen.threat[k]), *told, sloped, broken))
         optimiser.tell(z, seen.threat - FOUND * seen.avoidable, gradients=seen.gradients if sloped else None)
         if search == "cma_es" and seen.avoidable.any():
             begun += 1

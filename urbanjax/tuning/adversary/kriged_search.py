@@ -20,7 +20,7 @@ class KrigedSearch(Optimiser):
     A cell that holds a find, or another point of the generation, is passed over, so that neighbours of a find are tried
     next, along the boundary of where failures are. Slopes cost more: they are asked for a few points only, after a
     generation that found little; see `needs_gradient`. Every loss comes with its slopes where those are asked for, so
-    nothing is driven twice.
+    nothing is driven twice. One that is not finite is left out, its loss is kept.
     """
 
     def __init__(
@@ -55,6 +55,9 @@ class KrigedSearch(Optimiser):
         return self.start.size
 
     def _checked(self, gradients: Numbers | None, z: np.ndarray) -> np.ndarray:
+        if gradients is not None:  # a point whose slopes are not finite has a value still: zeros stand for none
+            known = np.isfinite(gradients).all(axis=-1, keepdims=True)
+            gradients = np.where(known, gradients, 0.0)
         slopes = super()._checked(gradients, z)
         return slopes if self.needs_gradient else np.zeros_like(z)
 
@@ -91,7 +94,9 @@ class KrigedSearch(Optimiser):
         seen, slopes, which = self._seen, self._seen.slopes, self._seen.sloped
         if self.needs_gradient:
             steep = gradients * (1 - (values / SCALE) ** 2)[:, None] * 2 / (1 - x**2)
-            with_slopes = np.flatnonzero(finite & ~finds)  # there a find's loss is cut off from what leads to it
+            with_slopes = np.flatnonzero(
+                finite & ~finds & gradients.any(axis=1)
+            )  # there a find's loss is cut off from what leads to it
             slopes, which = (
                 np.concatenate([slopes, steep[with_slopes]]),
                 np.append(which, len(seen.values) + with_slopes),
