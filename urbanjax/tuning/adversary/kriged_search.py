@@ -19,8 +19,8 @@ class KrigedSearch(Optimiser):
 
     A cell that holds a find, or another point of the generation, is passed over, so that neighbours of a find are tried
     next, along the boundary of where failures are. Slopes cost more: they are asked for a few points only, after a
-    generation that found little; see `needs_gradient`. Every loss comes with its slopes where those are asked for, so
-    nothing is driven twice. One that is not finite is left out, its loss is kept.
+    generation that found little, and as long as they agree with values; see `needs_gradient`. Every loss comes with its
+    slopes where those are asked for, so nothing is driven twice. Slopes that are not finite are left out.
     """
 
     def __init__(
@@ -48,6 +48,7 @@ class KrigedSearch(Optimiser):
         self.needs_gradient = False  # type: ignore[misc]  # of the generation that is asked for
         nothing = self.start[None][:0]
         self._seen = Observed(nothing, np.zeros(0), nothing, np.zeros(0, int))
+        self._trusts = True  # slopes
         self._known: set[tuple[int, ...]] = set()
 
     @property
@@ -67,7 +68,9 @@ class KrigedSearch(Optimiser):
             drawn[0] = self.start
             return drawn
         drawn = self.start + self.sigma * self._rng.normal(size=(CANDIDATES, self.start.size))
-        order = np.argsort(-self._promise(krige(self._seen), drawn), kind="stable")
+        model = krige(self._seen)
+        self._trusts = model.trusts
+        order = np.argsort(-self._promise(model, drawn), kind="stable")
         return drawn[self._apart(drawn[order], order)]
 
     def _promise(self, model: Kriging, z: np.ndarray) -> np.ndarray:
@@ -103,7 +106,8 @@ class KrigedSearch(Optimiser):
             )
         self._seen = Observed(np.concatenate([seen.points, x]), np.append(seen.values, values), slopes, which)
         doubts = finds.mean() < SURE
-        self.needs_gradient = bool(self._sloped and doubts and not self.needs_gradient)  # type: ignore[misc]
+        wanted = self._sloped and doubts and self._trusts
+        self.needs_gradient = bool(wanted and not self.needs_gradient)  # type: ignore[misc]
 
 
 def _bounded(z: np.ndarray) -> np.ndarray:

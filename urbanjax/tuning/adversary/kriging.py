@@ -9,7 +9,7 @@ from urbanjax.types import host_record
 LENGTHS = (0.4, 0.7, 1.2, 2.0)  # of which the likeliest is taken; all numbers lie between -1 and 1
 UNLIKE = 3.0  # times at most that the length of a number is shorter or longer than that
 NOISE = 0.1  # of the deviation: what is smooth in a drive has kinks still
-SLOPE_NOISE = 0.3  # of the deviation per length
+SLOPE_NOISES = (0.3, 3.0, 30.0)  # of the deviation per length; of the last, slopes tell nothing
 LEAST = 1e-3  # of deviations
 
 
@@ -33,6 +33,12 @@ class Kriging:
     deviation: float
     factor: Float[np.ndarray, "k k"]  # lower triangular, of the covariance of all observations
     weights: Float[np.ndarray, " k"]
+    slope_noise: float
+
+    @property
+    def trusts(self) -> bool:
+        """Whether slopes agree so well with values that they tell anything."""
+        return self.slope_noise < SLOPE_NOISES[-1]
 
     def at(self, points: Float[np.ndarray, "q p"]) -> tuple[np.ndarray, np.ndarray]:
         """Mean [Q] and deviation [Q] of the value at points. Args: points [Q, P], between -1 and 1."""
@@ -44,11 +50,17 @@ class Kriging:
 
 
 def krige(observed: Observed) -> Kriging:
-    """The likeliest model among those of a few lengths. Numbers along which slopes are steep have shorter ones.
+    """The likeliest model among those of a few lengths, which trust slopes more or less, or not at all.
 
-    Args: observed, at least one value.
+    Numbers along which trusted slopes are steep have shorter lengths. Args: observed, at least one value.
     """
-    models = [_fitted(observed, length * _shares(observed)) for length in LENGTHS]
+    shares, alike = _shares(observed), np.ones(observed.points.shape[1])
+    noises = SLOPE_NOISES if len(observed.slopes) else SLOPE_NOISES[:1]
+    models = [
+        _fitted(observed, length * (alike if noise == SLOPE_NOISES[-1] else shares), noise)
+        for noise in noises
+        for length in LENGTHS
+    ]
     return max(models, key=lambda pair: pair[0])[1]
 
 
@@ -61,14 +73,14 @@ def _shares(observed: Observed) -> np.ndarray:
     return np.clip(usual / np.maximum(steep, LEAST * steep.max()), 1 / UNLIKE, UNLIKE)
 
 
-def _fitted(observed: Observed, lengths: np.ndarray) -> tuple[float, Kriging]:
+def _fitted(observed: Observed, lengths: np.ndarray, slope_noise: float) -> tuple[float, Kriging]:
     """The likelihood's logarithm, and the model with these lengths."""
     mean, deviation = float(observed.values.mean()), max(float(observed.values.std()), LEAST)
     x = observed.points / lengths
     s = x[observed.sloped]
     mixed = _values_and_slopes(x, s)
     covariance = np.block([[_values(x, x), mixed], [mixed.T, _slopes(s)]])
-    noise = np.concatenate([np.full(len(x), NOISE), np.full(s.size, SLOPE_NOISE)])
+    noise = np.concatenate([np.full(len(x), NOISE), np.full(s.size, slope_noise)])
     factor = np.linalg.cholesky(covariance + np.diag(noise**2))
     told = np.concatenate([observed.values - mean, (observed.slopes * lengths).reshape(-1)]) / deviation
     white = solve_triangular(factor, told, lower=True)
@@ -76,7 +88,7 @@ def _fitted(observed: Observed, lengths: np.ndarray) -> tuple[float, Kriging]:
     weights = solve_triangular(factor, white, lower=True, trans=1)
     # Slopes are told per length, so that models of other lengths are of other data: the volume makes up for that.
     volume = float(np.log(lengths).sum()) * len(s)
-    return likelihood + volume, Kriging(observed, lengths, mean, deviation, factor, weights)
+    return likelihood + volume, Kriging(observed, lengths, mean, deviation, factor, weights, slope_noise)
 
 
 def _values(x: np.ndarray, y: np.ndarray) -> np.ndarray:
