@@ -17,7 +17,7 @@ from urbanjax.tuning.adversary import Arena, Hunt, Trial, arena, distinct, hunt
 from urbanjax.tuning.adversary.hunt import SEARCHES
 from urbanjax.types import host_record
 
-OURS = "gradient"
+OURS = ("gradient", "values")
 
 
 @host_record
@@ -102,18 +102,18 @@ def counted(quarries: list[Quarry]) -> dict[str, list[Any]]:
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def ratio(quarries: list[Quarry], driver: str, *, against: str) -> WithInterval:
-    """How many times as many distinct failures the gradient found, seeds paired and drawn with replacement.
+def ratio(quarries: list[Quarry], driver: str, *, ours: str, against: str) -> WithInterval:
+    """How many times as many distinct failures a search found, seeds paired and drawn with replacement.
 
-    Args: quarries; driver; against, the other search. NaN where that one found none.
+    Args: quarries; driver; ours, the search; against, the other one. NaN where that one found none.
     """
     own = [one for one in quarries if one.driver == driver]
-    ours, theirs = (np.sum([one.counts(search) for one in own], axis=0) for search in (OURS, against))
+    found, others = (np.sum([one.counts(search) for one in own], axis=0) for search in (ours, against))
 
     def quotient(which: np.ndarray) -> float:
-        return float(ours[which].sum() / theirs[which].sum()) if theirs[which].sum() else np.nan
+        return float(found[which].sum() / others[which].sum()) if others[which].sum() else np.nan
 
-    return statistics.bootstrap(quotient, len(ours))
+    return statistics.bootstrap(quotient, len(found))
 
 
 def scenes(quarries: list[Quarry], driver: str) -> list[FoundScene]:
