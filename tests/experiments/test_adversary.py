@@ -42,3 +42,15 @@ def test_a_round_trip_through_a_file_drives_to_the_same_end(tmp_path):
     assert ours[0].row["competition_at_fault"] == 1
     assert not ours[0].row["success"]
     assert study.confirmation("constant_velocity", ours)["constant_velocity_found"] == 2
+
+
+def test_quotients_are_of_sums_over_families_with_seeds_paired():
+    class Counted(study.Quarry):
+        def __init__(self):  # no hunts
+            object.__setattr__(self, "driver", "stack")
+
+        def counts(self, search):
+            return {"values": [20, 30], "random": [2, 5]}[search]
+
+    found = study.ratio([Counted(), Counted()], "stack", ours="values", against="random")
+    assert (found.value, found.low, found.high) == pytest.approx((50 / 7, 6, 10))
