@@ -9,9 +9,9 @@ from experiments.tune.imitation.fit import FAN, WEIGHTS
 from experiments.tune.imitation.predictors import CONSTANT, LINEAR, NETWORK, study
 from experiments.tune.imitation.task import RecordedDrivers, chosen_from, drivers, with_fan
 from urbanjax.evaluation import statistics
-from urbanjax.io.networks import save_learned
 from urbanjax.io.runs import parameter_file, progress, report
 from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.networks import save_learned
 from urbanjax.tuning import space
 
 CAPTION = (

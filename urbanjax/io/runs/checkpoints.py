@@ -1,4 +1,4 @@
-"""What a search has to keep to go on after a kill: named arrays and texts in one safetensors file."""
+"""Named arrays and texts in one safetensors file: what a search keeps to go on after a kill, and networks."""
 
 import os
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from urbanjax.io import files
 from urbanjax.types import FileError
 from urbanjax.types.errors import TuningError
 
@@ -35,10 +36,10 @@ def read_checkpoint(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """The arrays and texts of a checkpoint. Args: path of the file. Raises FileError, naming it, where it is none."""
     library = _library()
     try:
-        data = path.read_bytes()
+        data = files.content(files.file_of(path))
         return library.load(data), _texts(data)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror})") from error
+    except FileError:
+        raise
     except Exception as error:  # of the library, which has one for every way in which a file can be cut off
         raise FileError(f"{path}: is no checkpoint, or part of one ({' '.join(str(error).split())})") from error
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from urbanjax.io.networks import load_learned, save_learned
+from urbanjax.io.runs.networks import load_learned, save_learned
 from urbanjax.planning import learned
 from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.types import FileError

@@ -1,11 +1,11 @@
-"""Learned costs on disk: safetensors, plain arrays by name; nothing in them is ever executed."""
+"""Learned costs on disk, plain arrays by name; nothing in them is ever executed."""
 
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
-from urbanjax.io import files
+from urbanjax.io.runs.checkpoints import read_checkpoint, write_checkpoint
 from urbanjax.planning.learned import CONTEXT, LearnedCost
 from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.types import FileError
@@ -15,15 +15,10 @@ LAYERS = 3
 
 def save_learned(path: Path, learned: LearnedCost) -> None:
     """Write a learned cost. Args: path of the file; learned. Raises FileError where it cannot be written."""
-    from safetensors.numpy import save
-
     arrays = {"size": np.asarray(learned.size, np.float32)}
     for i, (kernel, bias) in enumerate(zip(learned.kernel, learned.bias, strict=True)):
         arrays |= {f"kernel_{i}": np.asarray(kernel, np.float32), f"bias_{i}": np.asarray(bias, np.float32)}
-    try:
-        Path(path).write_bytes(save(arrays))
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror})") from error
+    write_checkpoint(Path(path), arrays, about={"holds": "learned cost"})
 
 
 def load_learned(path: Path) -> LearnedCost:
@@ -31,13 +26,7 @@ def load_learned(path: Path) -> LearnedCost:
 
     Args: path of the file. Raises FileError where it is missing, no such file, or of other terms than the planner has.
     """
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    try:
-        arrays = load(files.content(files.file_of(path)))
-    except SafetensorError as error:
-        raise FileError(f"{path}: is no safetensors file ({error})") from error
+    arrays, _ = read_checkpoint(Path(path))
     names = {"size", *(f"{kind}_{i}" for kind in ("kernel", "bias") for i in range(LAYERS))}
     if set(arrays) != names:
         raise FileError(f"{path}: has not the arrays of a learned cost: save one with `save_learned`")
