@@ -50,7 +50,7 @@ def test_a_reader_sees_groups_with_bounds_and_reasons(tmp_path, capsys, monkeypa
     assert lines[0] == WEIGHTS
     assert "length 1 per m 0 - fixed, scale: the unit of all weights is metres of way" in lines
     assert "curvature 2 per rad of turn 0 - log tunable" in lines
-    assert lines[-1] == "8 numbers, 7 of them tunable"
+    assert lines[-1] == "9 numbers, 8 of them tunable"
 
 
 def test_what_is_listed_is_filtered():

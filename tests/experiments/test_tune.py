@@ -91,6 +91,7 @@ def summary_of(run):
     return json.loads(run.path("summary.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_front_is_one_run(whole, tmp_path):
     study, run = run_in(tmp_path / "front", task="pareto", pareto=ParetoParams(points=2, taus=(0.0,)))
     pareto.write(study, run)
@@ -101,6 +102,7 @@ def test_a_front_is_one_run(whole, tmp_path):
     assert run.path("report.html").exists()
 
 
+@pytest.mark.slow
 def test_searches_at_equal_cost_resume_where_they_were_cut(whole, tmp_path):
     asked = BudgetParams(optimisers=("gradient", "random"), evaluations=20.0, apart=10.0, restarts=1)
     study, run = run_in(tmp_path / "budget", task="budget", budget=asked)

@@ -95,6 +95,7 @@ def test_forward_and_reverse_mode_agree(loop, start, n_steps):
     np.testing.assert_allclose(found[0].gradient, found[1].gradient, rtol=2e-3, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_gradient_is_the_slope_of_the_soft_loss(loop, start):
     found = loop.losses(Z, start, relaxation=SOFT, derivative="auto")
     step = 2e-3
