@@ -39,7 +39,7 @@ REASONS = (
     "off_road",
 )
 TILE = 7  # candidates whose costs are differentiated at once
-MIN_STEP, MIN_STEP_TIME = 1e-3, 1e-3  # m and s between two points, at the least, since rates are divided by them
+MIN_STEP_TIME = 1e-3  # s between two points, at the least, since rates are divided by it
 
 
 @pytree
@@ -236,7 +236,7 @@ def limit_margins(fan: Fan, driving: Driving, *, room: Float[Array, "j k"]) -> F
     sharp = jnp.abs(fan.curvature)
     across = fan.speed**2 * sharp
     rate = steering_rate(fan, vehicle)
-    gain = jnp.diff(fan.speed**2, axis=1) / (2 * lean.maximum(costs.segments(fan.position), MIN_STEP))
+    gain = jnp.diff(fan.speed**2, axis=1) / (2 * lean.maximum(costs.segments(fan.position), costs.MIN_STEP))
     soon = lean.minimum(room + (1 - fade(fan.time, params)) * params.clearance.far, params.clearance.far)
     outside = off_road(fan, vehicle)
     start = outside[:, :1] + params.recovery_slack * lean.clip(outside[:, :1] / params.edge_tolerance, 0.0, 1.0)
