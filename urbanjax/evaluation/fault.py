@@ -68,7 +68,16 @@ def at_fault(
     moves = soft.above(jnp.abs(ego.speed), params.still, relaxation, scale=SPEED_SCALE)[:, None]
     other_moves = soft.above(jnp.abs(others.speed), params.still, relaxation, scale=SPEED_SCALE)
     behind = further_than(bearing(facts, vehicle), params.behind, relaxation=relaxation)
-    bumper = Box(
+    front = touch(front_bumper(own), theirs, relaxation=relaxation)
+    side = (~facts.in_one_lane[:, None]).astype(front.dtype)
+    active = soft.both(soft.negate(behind), soft.either(front, side))
+    fault = soft.both(moves, soft.either(soft.negate(other_moves), active))
+    return Faults(begins, begins * fault, apart)
+
+
+def front_bumper(own: Box) -> Box:
+    """The front edge of a box, as a box of no length. Args: own, the ego's."""
+    return Box(
         own.x + own.half_length * own.cos,
         own.y + own.half_length * own.sin,
         own.cos,
@@ -76,11 +85,6 @@ def at_fault(
         jnp.zeros_like(own.half_length),
         own.half_width,
     )
-    front = touch(bumper, theirs, relaxation=relaxation)
-    side = (~facts.in_one_lane[:, None]).astype(front.dtype)
-    active = soft.both(soft.negate(behind), soft.either(front, side))
-    fault = soft.both(moves, soft.either(soft.negate(other_moves), active))
-    return Faults(begins, begins * fault, apart)
 
 
 def first_touches(facts: Facts, *, relaxation: Relaxation) -> Float[Array, "t v"]:

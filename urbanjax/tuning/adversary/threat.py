@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from urbanjax.evaluation import fault
 from urbanjax.evaluation.facts import Facts
-from urbanjax.geometry.boxes import Box, relaxed_box_gap
+from urbanjax.geometry.boxes import relaxed_box_gap
 from urbanjax.numerics import soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import POSITIVE, field, pytree
@@ -41,7 +41,7 @@ def threat(facts: Facts, vehicle: VehicleParams, *, params: ThreatParams | None 
     params = ThreatParams() if params is None else params
     relaxation = Relaxation(params.temperature, mode="soft")
     own, theirs = fault.boxes(facts)
-    gaps = relaxed_box_gap(front_bumper(own), theirs, relaxation=relaxation)
+    gaps = relaxed_box_gap(fault.front_bumper(own), theirs, relaxation=relaxation)
     step = (facts.time[1:] - facts.time[:-1])[:, None]
     closing = jnp.minimum((gaps[1:] - gaps[:-1]) / step, 0.0)
     stands = soft.negate(soft.above(facts.ego.speed[1:], fault.SPEED_SCALE, relaxation))[:, None]
@@ -54,15 +54,3 @@ def threat(facts: Facts, vehicle: VehicleParams, *, params: ThreatParams | None 
     theirs_alone = jax.lax.stop_gradient(faults.begins - faults.at_fault) * (touched == 1)[:, None]
     price = params.blame + jnp.maximum(gaps, 0.0)  # the front bumper was that far from being the first to touch
     return jnp.where(jnp.any(theirs_alone > 0), jnp.max(theirs_alone * price), least)
-
-
-def front_bumper(own: Box) -> Box:
-    """The front edge of a box, as a box of no length. Args: own, the ego's."""
-    return Box(
-        own.x + own.half_length * own.cos,
-        own.y + own.half_length * own.sin,
-        own.cos,
-        own.sin,
-        jnp.zeros_like(own.half_length),
-        own.half_width,
-    )
