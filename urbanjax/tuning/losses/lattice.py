@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from urbanjax.evaluation.recorded.demonstration import Demonstration
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import macro
-from urbanjax.planning.lattice.layers import LatticeWeights
+from urbanjax.planning.lattice.layers import MACRO_TERMS, LatticeWeights
 from urbanjax.planning.lattice.search import layered_search
 from urbanjax.planning.macro import LatticeCosts
 from urbanjax.planning.previous import nothing
@@ -23,19 +23,8 @@ from urbanjax.roadmap.progress import progress
 from urbanjax.types import pytree
 from urbanjax.vehicle.driving import Driving
 
-# Of these a cost is a multiple; `clearance` is none of them, since it also moves the nodes.
-LINEAR = (
-    "obstacle",
-    "curvature",
-    "transition",
-    "route",
-    "centre",
-    "lane_change",
-    "oncoming",
-    "line",
-    "collision",
-    "forbidden",
-)
+# Of these a cost is a multiple; `clearance` is none of the terms, and it also moves the nodes.
+LINEAR = tuple(name for name in MACRO_TERMS if name != "length")
 ELSEWHERE = 1e6  # m, price of a node beside the driven one, more than any path costs
 
 
