@@ -1,5 +1,6 @@
 """Parameters tuned in closed loops, in one call (host side)."""
 
+import collections
 import dataclasses
 from collections.abc import Sequence
 from typing import Any
@@ -59,8 +60,7 @@ def tune(
         for number, which in enumerate((learned, judged))
     ]
     search = Training(tuned, training, learned=sets[0], judged=sets[1])
-    for _ in search.run():
-        pass
+    collections.deque(search.run(), maxlen=0)  # to its end
     return outcome(search, base)
 
 

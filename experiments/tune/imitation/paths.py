@@ -1,5 +1,6 @@
 """Weights of the macro lattice from driven paths, by their exact likelihood: one file left out at a time."""
 
+import collections
 from collections.abc import Callable
 from typing import Any
 
@@ -121,6 +122,5 @@ def fit_paths(
         return np.array(losses[-1:]), np.where(fixed & (np.arange(count + 1) < count), 0.0, slope)[None]
 
     search = GradientDescent(np.zeros(count + 1), sigma=1.0, seed=0, rate=RATE, steps=STEPS)
-    for _ in minimise(evaluate, search, budget=STEPS, cost_of_gradient=1.0):
-        pass
+    collections.deque(minimise(evaluate, search, budget=STEPS, cost_of_gradient=1.0), maxlen=0)  # to its end
     return search.best.z, np.array(losses)
