@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.numerics.tiles import by_tiles, in_tiles
+from urbanjax.numerics.tiles import in_tiles
 
 
 def distances(shared, rows):
@@ -32,7 +32,7 @@ def total(function):
 @pytest.mark.parametrize(("n", "size"), [(1, 4), (8, 4), (7, 3), (10, 100)])
 def test_values_and_derivatives_in_both_modes_are_those_of_the_function(n, size, x64):
     shared, rows = inputs(n)
-    tiled = lambda shared, rows: by_tiles(distances, shared, rows=rows, size=size)  # noqa: E731
+    tiled = lambda shared, rows: in_tiles(lambda tile: distances(shared, tile), rows, size=size)  # noqa: E731
     for found, expected in zip(
         jax.tree.leaves(tiled(shared, rows)), jax.tree.leaves(distances(shared, rows)), strict=True
     ):
@@ -49,7 +49,7 @@ def test_a_batch_of_them_has_the_same_derivative(x64):
     shared, rows = inputs(6)
     batch = jax.tree.map(lambda x: jnp.stack([x, 2 * x]), rows)
     slope = lambda f: jax.vmap(jax.grad(total(f), argnums=1), in_axes=(None, 0))(shared, batch)  # noqa: E731
-    found = slope(lambda shared, rows: by_tiles(distances, shared, rows=rows, size=2))
+    found = slope(lambda shared, rows: in_tiles(lambda tile: distances(shared, tile), rows, size=2))
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(slope(distances)), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
 

@@ -21,6 +21,9 @@ def kept(values: T) -> T:
     return checkpoint_name(values, NAME)
 
 
-def recomputed(step: Callable[..., Any]) -> Callable[..., Any]:
-    """The step of a scan, of which the backward pass has where it began and what is `kept`. Args: step, its body."""
-    return jax.checkpoint(step, prevent_cse=False, policy=jax.checkpoint_policies.save_only_these_names(NAME))
+def recomputed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, of which the backward pass has the arguments and what is `kept`.
+
+    Args: function, the body of a scan, or part of one.
+    """
+    return jax.checkpoint(function, prevent_cse=False, policy=jax.checkpoint_policies.save_only_these_names(NAME))

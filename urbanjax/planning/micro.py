@@ -7,7 +7,7 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, polynomial, safe, soft
-from urbanjax.numerics.tiles import by_tiles
+from urbanjax.numerics.kept import kept, recomputed
 from urbanjax.planning import costs
 from urbanjax.planning.clearance import ClearanceParams, Passage
 from urbanjax.planning.learned import LearnedCost, context_of
@@ -38,7 +38,6 @@ REASONS = (
     "collision",
     "off_road",
 )
-TILE = 7  # candidates whose costs are differentiated at once
 MIN_STEP_TIME = 1e-3  # s between two points, at the least, since rates are divided by it
 
 
@@ -170,15 +169,12 @@ def judged(
     the step before.
     """
 
-    def each(shared: tuple, rows: tuple) -> tuple[Array, Array]:
-        (driving, previous, fan), (own, room) = shared, rows
-        some = fan.replace(**own)
-        terms = weighted_terms(some, driving.params, room=room, previous=previous)
-        return terms, limit_margins(some, driving, room=room)
+    @recomputed
+    def each(fan: Fan, driving: Driving, room: Array, previous: Previous) -> tuple[Array, Array]:
+        terms = weighted_terms(fan, driving.params, room=room, previous=previous)
+        return terms, limit_margins(fan, driving, room=room)
 
-    own = {name: getattr(fan, name) for name in ("offset", "position", "heading", "curvature", "time", "speed")}
-    shared = fan.replace(**dict.fromkeys(own), end=None, follower=None)
-    return by_tiles(each, (driving, previous, shared), rows=(own, room), size=TILE)
+    return kept(each(fan, driving, room, previous))
 
 
 def fade(time: Float[Array, "*s"], params: MicroParams) -> Float[Array, "*s"]:

@@ -78,8 +78,8 @@ def _nearest_jvp(primals: tuple[Meeting], tangents: tuple[Meeting]) -> tuple[Arr
     (meeting,), (change,) = primals, tangents
     mode = meeting.driving.relaxation.mode
     valued, relaxation, params = _valued(meeting), meeting.driving.relaxation, meeting.driving.params
-    # Two loops: in one, whatever reads the gaps would have them computed anew.
-    room = in_tiles(lambda passage: valued.replace(passage=passage).all_gaps(), meeting.passage, size=TILE)
+    # As one array: within the loop, whatever reads the gaps would have them computed anew.
+    room = valued.all_gaps()
     seen = kept(in_tiles(lambda some: looked(some, relaxation, params=params), room, size=TILE))
     pairs, moved, fixed = jax.jvp(
         lambda leaves: jax.tree.unflatten(jax.tree.structure(meeting), leaves).pairs(seen.index),
@@ -123,7 +123,7 @@ def looked(room: Float[Array, "n b"], relaxation: Relaxation, *, params: Clearan
     above = (room - least[:, None]) / temperature
     shares = jnp.exp(-above)
     total = jnp.sum(shares, axis=1)
-    near = jnp.take_along_axis(above, index, axis=1)
+    near = (jnp.take_along_axis(room, index, axis=1) - least[:, None]) / temperature
     weight = jnp.exp(-near) / total[:, None]
     # Those that are as far as anything counts move with that distance alone, however many there are.
     beyond = near * temperature + least[:, None] >= params.far

@@ -10,8 +10,8 @@ from jaxtyping import Float, Int
 
 from urbanjax.geometry import frenet
 from urbanjax.numerics import lean, soft
+from urbanjax.numerics.kept import recomputed
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.numerics.tiles import by_tiles
 from urbanjax.planning.clearance import Passage
 from urbanjax.planning.costs import BARRIERS, CURVATURE_ROUNDING, barrier, smooth_abs
 from urbanjax.planning.cross_section import CrossSections, bars, boundaries, covered
@@ -215,11 +215,11 @@ def ways(lattice: Lattice, offset: Float[Array, ""], *, vehicle: VehicleParams) 
     own = jnp.broadcast_to(offset, lattice.offset[:1].shape)
     offsets = (jnp.concatenate([own, lattice.offset[:-1]]), lattice.offset)
 
-    def edges(vehicle: VehicleParams, rows: tuple) -> Edges:
-        ends, steps = rows
+    @recomputed
+    def edges(ends: tuple[Array, Array], steps: Steps, vehicle: VehicleParams) -> Edges:
         return join(ends, jax.tree.map(jnp.zeros_like, ends), steps=steps, profile=CORNER, vehicle=vehicle)
 
-    return by_tiles(edges, vehicle, rows=(offsets, lattice.steps), size=1)
+    return edges(offsets, lattice.steps, vehicle)
 
 
 def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict[str, Array], Float[Array, "e m m"]]:
