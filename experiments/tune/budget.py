@@ -141,7 +141,8 @@ def _training(params: TuneStudy, optimiser: str, restart: int, problem: Any, gen
         horizons=params.training.horizons[-1:],
         every=10**6,
     )
-    return Training(space(as_arrays(params.loop()), params.tuned), settings, learned=problem[0], judged=problem[1])
+    tuned = space(as_arrays(params.loop()), params.tuned)
+    return Training(tuned, settings, learned=problem[0], judged=problem[1], scores=params.score)
 
 
 def _cost_of_gradient(params: TuneStudy, restart: int, problem: Any) -> float:

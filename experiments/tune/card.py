@@ -21,7 +21,8 @@ LIMITS = (
 def card(params: TuneStudy, found: Searched, *, tuned: Tuned, result: HeldBackDrives | None) -> str:
     """The card as Markdown. Args: params; found, the search; tuned, its outcome; result, of the tests, if any."""
     lines = ["# Tuned parameters", ""]
-    lines += [f"- tuned: {len(found.search.space.keys)} numbers ({', '.join(params.tuned)})"]
+    beside = ", and the layers of a learned cost" if params.network else ""
+    lines += [f"- tuned: {found.search.space.size} numbers ({', '.join(params.tuned)}{beside})"]
     lines += [f"- learned from: {_told(params.learned)}", f"- judged by: {_told(params.judged)}"]
     lines += [
         f"- search: {params.training.optimiser}, {found.search.generation} generations of {params.training.scenes} "

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.tune import figures, tested
 from experiments.tune.card import card
-from experiments.tune.search import Searched, searched
+from experiments.tune.search import Searched, begun, searched
 from experiments.tune.study import TuneStudy
 from experiments.tune.tested import HeldBackDrives
 from urbanjax.evaluation.batch import Job, outcomes
@@ -18,13 +18,14 @@ from urbanjax.evaluation.missions import MISSIONS
 from urbanjax.evaluation.road_users import until_end
 from urbanjax.io.runs import progress, report
 from urbanjax.io.runs.directory import Run, write_atomically
+from urbanjax.io.runs.networks import save_learned
 from urbanjax.io.runs.parameter_file import write_parameters
 from urbanjax.io.runs.sweeps.code import code_digest
 from urbanjax.tuning.tune import Tuned, outcome
 from urbanjax.types import as_arrays
 
 DEFAULT, TUNED = "before", "tuned"
-PARAMETERS, CARD = "tuned.yaml", "card.md"
+PARAMETERS, NETWORK, CARD = "tuned.yaml", "network.safetensors", "card.md"
 SHOWN = 5  # scenes that got worse, and those that differ most
 JUDGED = (
     "Scores of scenes of {horizon:g} s as deployed, which decided which point is best and when to stop; so they are "
@@ -39,16 +40,20 @@ TESTED = (
 def write(params: TuneStudy, run: Run) -> None:
     """Tune, test, and write parameters, card, tables, figures and report."""
     found = searched(params, run)
-    base = as_arrays(params.loop())
+    base = begun(params)
     tuned = outcome(found.search, base)
     where = run.path(PARAMETERS)
     write_parameters(where, tuned.values, about=_about(params, tuned, where))
+    if params.network:
+        save_learned(run.path(NETWORK), tuned.params.stack.planning.micro.learned)
     _write_search(found, run)
     sections = [_search_section(found, tuned, run)]
     result = None
     if params.tested.missions:
         with progress.bar("testing") as tick:
-            result = tested.tested(params.tested, {DEFAULT: base, TUNED: as_arrays(tuned.params)}, tick=tick)
+            result = tested.tested(
+                params.tested, {DEFAULT: base, TUNED: as_arrays(tuned.params)}, score=params.score, tick=tick
+            )
             sections.append(_test_section(params, result, tuned, run, tick))
     write_atomically(run.path(CARD), card(params, found, tuned=tuned, result=result))
     report.write_report(
@@ -82,7 +87,7 @@ def _write_search(found: Searched, run: Run) -> None:
             "unit": [number.unit for number in numbers],
             "before": [number.value for number in numbers],
             "tuned": [_of(after, number.key) for number in numbers],
-            "z": z,
+            "z": z[: len(numbers)],
         },
     )
     figures.draw_convergence(found, run.path("convergence.png"))
@@ -108,11 +113,11 @@ def _search_section(found: Searched, tuned: Tuned, run: Run) -> report.Section:
             "search_s": seconds,
             "cost_forward_evaluations": spent,
             "cost_of_gradient": found.multiple,
-            "parameters": len(search.space.keys),
+            "parameters": search.space.size,
         }
     )
     line = {
-        "parameters": [len(search.space.keys)],
+        "parameters": [search.space.size],
         "generations": [search.generation],
         "time [s]": [seconds],
         "cost [forward evaluations]": [spent],
@@ -180,7 +185,7 @@ def _most_changed(params: TuneStudy, result: HeldBackDrives, tuned: Tuned) -> li
     found = []
     for before, after in sorted(chosen.values(), key=lambda pair: -abs(pair[1]["score"] - pair[0]["score"]))[:SHOWN]:
         jobs = [Job(MISSIONS[after["mission"]], after["seed"], which) for which in (0, 1)]
-        sets = [as_arrays(params.loop()), as_arrays(tuned.params)]
+        sets = [begun(params), as_arrays(tuned.params)]
         logs = [until_end(one) for one in outcomes(sets, jobs, traffic=after["traffic"], logs=True)]
         title = f"{after['mission']} {after['seed']}, {after['traffic']}: {before['score']:.2f} to {after['score']:.2f}"
         found.append((title, *logs))

@@ -40,7 +40,7 @@ def draw_convergence(found: Searched, path: Path) -> None:
 def draw_values(found: Searched, path: Path) -> None:
     """The numbers that moved farthest, relative to where they began. Args: found; path of the picture."""
     search = found.search
-    z = search.optimiser.history()["z"].reshape(-1, len(search.space.keys))
+    z = search.optimiser.history()["z"].reshape(-1, search.space.size)
     points = len(search.optimiser.standing())
     z = z[:: max(points, 1)]
     moved = np.argsort(-np.abs(z[-1]))[:MOST]

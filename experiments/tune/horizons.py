@@ -103,7 +103,7 @@ def _at(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gradient, small and wide differences, each [S, P]."""
     start = as_arrays(where.start)
-    count, size = len(where.scenes), len(loop.space.keys)
+    count, size = len(where.scenes), loop.space.size
     gradient = loop.losses(np.zeros(size), start, n_steps=n_steps, relaxation=relaxation, derivative="reverse").gradient
 
     def differences(step: float, relaxation: Relaxation) -> np.ndarray:

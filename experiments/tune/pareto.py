@@ -41,10 +41,9 @@ class FrontPoint:
     at_fault: WithInterval  # share of drives with a collision at fault
 
 
-def preferences(params: ParetoParams) -> list[tuple[float, ScoreParams]]:
-    """The weight of speed relative to the standard one, as a geometric series, and the scores that follow from it."""
+def preferences(params: ParetoParams, standard: ScoreParams) -> list[tuple[float, ScoreParams]]:
+    """The weight of speed relative to the standard score's, as a geometric series, and the scores that follow."""
     low, high = float(params.least), float(params.most)
-    standard = ScoreParams()
     found = []
     for ratio in np.geomspace(low, high, params.points).tolist():
         speed, others = 2 * ratio / (1 + ratio), 2 / (1 + ratio)  # that all searches have slopes of one size
@@ -77,7 +76,7 @@ def on_front(candidates: list[FrontPoint]) -> list[bool]:
 
 def write(params: TuneStudy, run: Run) -> None:
     """Tune all, drive with all, and write parameter files, table, figure and report."""
-    asked = preferences(params.pareto)
+    asked = preferences(params.pareto, params.score)
     found = searched(params, run, scores=[score for _, score in asked])
     base = as_arrays(params.loop())
     sets = {BEFORE: base}
@@ -90,7 +89,7 @@ def write(params: TuneStudy, run: Run) -> None:
         )
     taus = {f"tau {tau:g}": _with_tau(base, float(tau)) for tau in params.pareto.taus}
     with progress.bar("testing") as tick:
-        result = tested.tested(params.tested, {**sets, **taus}, tick=tick)
+        result = tested.tested(params.tested, {**sets, **taus}, score=params.score, tick=tick)
     every = points(result)
     tuned = [point for point in every if point.name not in (BEFORE, *taus)]
     front = dict(zip([point.name for point in tuned], on_front(tuned), strict=True))

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from experiments.tune.study import TuneStudy
@@ -14,6 +16,9 @@ from urbanjax.io.runs import progress
 from urbanjax.io.runs.checkpoints import read_checkpoint, write_checkpoint
 from urbanjax.io.runs.directory import Run, digest
 from urbanjax.io.runs.sweeps.code import code_digest
+from urbanjax.planning.learned import initial
+from urbanjax.planning.micro import MICRO_TERMS
+from urbanjax.rollout import LoopParams
 from urbanjax.tuning import Training, space
 from urbanjax.tuning.starts import scene_set
 from urbanjax.tuning.training import Epoch
@@ -21,6 +26,7 @@ from urbanjax.types import ConfigError, as_arrays, host_record
 from urbanjax.types.errors import NotFiniteError, TuningError
 
 CHECKPOINT, EPOCHS = "checkpoint.safetensors", "epochs.json"
+MUCH, LEAST = 10.0, 0.1  # m of cost, at weights of at least this: what the network is told as much of a term
 
 
 @host_record
@@ -41,7 +47,7 @@ def searched(study: TuneStudy, run: Run, *, scores: Sequence[ScoreParams] | None
     """
     stamp = {"config": digest(_own(run.resolved)), "code": code_digest()}
     state, epochs, seconds = _known(study.resume, stamp)
-    base, params = as_arrays(study.loop()), study.training
+    base, params = begun(study), study.training
     with progress.bar("tuning") as tick:
         tick("driving to where scenes begin")
         horizon = float(params.horizons[-1])
@@ -49,7 +55,8 @@ def searched(study: TuneStudy, run: Run, *, scores: Sequence[ScoreParams] | None
             scene_set(base, which, horizon=horizon, seed=params.seed + number)
             for number, which in enumerate((study.learned, study.judged))
         )
-        search = Training(space(base, study.tuned), params, learned=learned, judged=judged, scores=scores, state=state)
+        tuned = space(base, study.tuned, network=study.network)
+        search = Training(tuned, params, learned=learned, judged=judged, scores=scores or study.score, state=state)
         tick("compiling")
         began, going = time.perf_counter(), search.run()
         while (epoch := _next(going, run)) is not None:
@@ -60,6 +67,18 @@ def searched(study: TuneStudy, run: Run, *, scores: Sequence[ScoreParams] | None
         tick("measuring what a gradient costs")
         multiple = search.cost_of_gradient()
     return Searched(search, tuple(epochs), tuple(seconds), multiple)
+
+
+def begun(study: TuneStudy) -> LoopParams:
+    """The loop that a search begins with, with a learned cost that adds nothing yet where the study tunes one."""
+    loop: LoopParams = as_arrays(study.loop())
+    if not study.network:
+        return loop
+    planning = loop.stack.planning
+    weights = jnp.stack([jnp.asarray(getattr(planning.micro.weights, term)) for term in MICRO_TERMS])
+    learned = initial(jax.random.key(study.training.seed), MUCH / jnp.maximum(weights, LEAST))
+    planning = planning.replace(micro=planning.micro.replace(learned=learned))
+    return loop.replace(stack=loop.stack.replace(planning=planning))
 
 
 def _next(going: Any, run: Run) -> Epoch | None:

@@ -5,6 +5,7 @@ from typing import ClassVar
 from experiments.tune.adversary.task import AdversaryTask
 from experiments.tune.imitation.task import ImitationTask
 from urbanjax.evaluation.missions import MISSIONS
+from urbanjax.evaluation.scores import ScoreParams
 from urbanjax.evaluation.traffic import MANNERS
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning import SceneParams, TrainingParams
@@ -15,9 +16,10 @@ OF_RECORDS = ("imitation", "lattice")
 TASKS = (*SEARCHING, "horizons", *OF_RECORDS, "adversary")
 SEARCHES = ("gradient", "cma_es", "tpe", "random")
 READ_BY = {  # groups, and the tasks that read them
-    **dict.fromkeys(("tuned", "judged", "resume"), SEARCHING),
+    **dict.fromkeys(("tuned", "judged", "resume", "score"), SEARCHING),
     **dict.fromkeys(("learned", "training"), (*SEARCHING, "horizons")),
     "tested": ("closed_loop", "pareto"),
+    "network": ("closed_loop",),
     "pareto": ("pareto",),
     "budget": ("budget",),
     "horizons": ("horizons",),
@@ -100,10 +102,12 @@ class TuneStudy(LoopParams):
 
     task: str = static(default="closed_loop", metadata={"choices": TASKS})
     tuned: tuple[str, ...] = static(default=TUNED)  # dotted keys with * and ?, see experiments.parameters
+    network: bool = static(default=False)  # a learned cost beside the linear one is tuned too
     learned: SceneParams = SceneParams(missions=LEARNED, count=256)  # scenes to learn from
     judged: SceneParams = SceneParams(missions=JUDGED, traffic=("assertive",), count=96)  # others, to know when to stop
     tested: HeldBackParams = HeldBackParams()
     training: TrainingParams = TrainingParams()
+    score: ScoreParams = ScoreParams()  # what is tuned for
     pareto: ParetoParams = ParetoParams()
     budget: BudgetParams = BudgetParams()
     horizons: HorizonsParams = HorizonsParams()

@@ -14,7 +14,7 @@ from urbanjax.evaluation import statistics
 from urbanjax.evaluation.batch import Job, Outcome, outcomes
 from urbanjax.evaluation.facts import ROUNDING
 from urbanjax.evaluation.missions import MISSIONS
-from urbanjax.evaluation.scores import terms
+from urbanjax.evaluation.scores import ScoreParams, terms
 from urbanjax.rollout import LoopParams
 from urbanjax.sim.log import Log
 from urbanjax.types import host_record
@@ -39,9 +39,9 @@ class HeldBackDrives:
 
 
 def tested(
-    params: HeldBackParams, sets: dict[str, LoopParams], *, tick: Callable[[str, float], None]
+    params: HeldBackParams, sets: dict[str, LoopParams], *, score: ScoreParams, tick: Callable[[str, float], None]
 ) -> HeldBackDrives:
-    """The drives of all sets. Args: sets, loops by name; tick, told what is done and the share that is done."""
+    """The drives of all sets. Args: sets, loops by name; score, that was tuned; tick, told how far it is."""
     jobs = [
         Job(MISSIONS[name], params.seed + k, which)
         for name in params.missions
@@ -52,7 +52,7 @@ def tested(
     total, done = max(len(jobs) * len(params.traffic), 1), 0
     for traffic in params.traffic:
         for one in outcomes(list(sets.values()), jobs, traffic=traffic, logs=True):
-            rows[names[one.job.params]].append(_row(one, list(sets.values())[one.job.params].vehicle))
+            rows[names[one.job.params]].append(_row(one, list(sets.values())[one.job.params].vehicle, score))
             done += 1
             tick(f"driving {traffic}, {done} of {total}", done / total)
     return HeldBackDrives(names, rows)
@@ -118,11 +118,11 @@ def _value(rows: list[dict[str, Any]], measure: str, share: bool) -> statistics.
     return statistics.rate(values).percent if share else statistics.mean(values, groups=scenes(rows))
 
 
-def _row(one: Outcome, vehicle: VehicleParams) -> dict[str, Any]:
+def _row(one: Outcome, vehicle: VehicleParams, wanted: ScoreParams) -> dict[str, Any]:
     assert one.log is not None
     since = one.log.time - one.log.time[0]
     counts = since <= max(float(one.row["duration_s"]) + ROUNDING, float(since[1]))
-    score = jax.device_get(_score(one.log, one.vehicle or vehicle, counts))
+    score = jax.device_get(_score(one.log, one.vehicle or vehicle, wanted, counts))
     told = {name: float(getattr(score, name)) for name in vars(score) if name != "total"}
     speed = float(np.mean(np.asarray(one.log.ego.speed)[counts]))
     row = {name: value.item() if hasattr(value, "item") else value for name, value in one.row.items()}
@@ -131,5 +131,5 @@ def _row(one: Outcome, vehicle: VehicleParams) -> dict[str, Any]:
 
 
 @functools.partial(jax.jit)
-def _score(log: Log, vehicle: VehicleParams, counts: jax.Array) -> Any:
-    return terms(jax.tree.map(jnp.asarray, log), vehicle, counts=counts)
+def _score(log: Log, vehicle: VehicleParams, params: ScoreParams, counts: jax.Array) -> Any:
+    return terms(jax.tree.map(jnp.asarray, log), vehicle, params=params, counts=counts)

@@ -8,6 +8,7 @@ from urbanjax.evaluation import metrics, scores
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim import log as logs
 from urbanjax.types import Command, Objects, VehicleState, as_arrays
+from urbanjax.vehicle.comfort import ComfortParams
 from urbanjax.vehicle.params import VehicleParams
 
 HARD, VEHICLE = Relaxation(), VehicleParams()
@@ -201,10 +202,25 @@ def test_every_term_of_the_score_is_weighed_as_it_says():
         "lateral": -0.1 * (100 * np.tan(0.05) / VEHICLE.wheelbase / 2) ** 2,
         "jerk": -0.02 * (10 / 4) ** 2,
         "lane": -0.05 * (1 / 0.5) ** 2,
+        "discomfort": 0.0,
     }
     for name, value in wanted.items():
         np.testing.assert_allclose(getattr(found, name), value, rtol=1e-4, err_msg=name)
     np.testing.assert_allclose(found.total, sum(wanted.values()), rtol=1e-4)
+
+
+def test_nearness_to_the_bounds_of_comfort_counts_where_it_is_asked_for():
+    bounds = ComfortParams()
+    asked = scores.ScoreParams(discomfort=2.0, comfort_margin=0.2)
+
+    def discomfort(*gas):
+        return float(terms(make(np.arange(3.0), acceleration=jnp.asarray(gas)), VEHICLE, params=asked).discomfort)
+
+    assert discomfort(*[0.8 * bounds.acceleration] * 3) == pytest.approx(0.0, abs=1e-5)
+    assert discomfort(*[bounds.acceleration] * 3) == pytest.approx(-2.0, rel=1e-5)
+    assert discomfort(*[-bounds.deceleration] * 3) == pytest.approx(-2.0, rel=1e-5)
+    step = 0.1 * bounds.longitudinal_jerk  # m/s^2 from one step to the next
+    assert discomfort(0.0, step, step) == pytest.approx(-2.0 / 2, rel=1e-5)
 
 
 def test_gradient_of_the_score_matches_differences():

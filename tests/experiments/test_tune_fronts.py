@@ -26,7 +26,7 @@ def test_whoever_is_beaten_in_both_is_not_on_the_front():
 
 
 def test_preferences_are_a_geometric_series_around_the_standard_score():
-    found = pareto.preferences(ParetoParams(points=5, least=0.25, most=4.0))
+    found = pareto.preferences(ParetoParams(points=5, least=0.25, most=4.0), ScoreParams())
     assert [ratio for ratio, _ in found] == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0])
     standard = ScoreParams()
     assert found[2][1] == standard

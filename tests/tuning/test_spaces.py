@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from urbanjax.io.runs.parameter_file import read_parameters, write_parameters
+from urbanjax.planning.learned import initial
+from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning import Space, space, trainables
 from urbanjax.types import INSIDE, POSITIVE, SHARE, ConfigError, as_arrays, field, pytree, with_values
@@ -199,3 +201,36 @@ def test_a_space_is_a_value_and_no_pytree():
     assert isinstance(SPACE, Space)
     assert hash(SPACE) == hash(space(Mixer(), ["*"]))
     assert jax.tree.leaves(SPACE) == [SPACE]  # no pytree
+
+
+def with_network():
+    """A loop whose planner has a learned cost that adds nothing yet."""
+    loop = as_arrays(LOOP)
+    planning = loop.stack.planning
+    learned = initial(jax.random.key(0), jnp.ones(len(MICRO_TERMS)), hidden=4)
+    planning = planning.replace(micro=planning.micro.replace(learned=learned))
+    return loop.replace(stack=loop.stack.replace(planning=planning))
+
+
+def test_layers_of_a_learned_cost_are_moved_beside_the_numbers():
+    base, key = with_network(), "stack.behavior.gvp.tau"
+    both, alone = space(base, [key], network=True), space(base, [], network=True)
+    layers = (base.stack.planning.micro.learned.kernel, base.stack.planning.micro.learned.bias)
+    count = sum(leaf.size for leaf in jax.tree.leaves(layers))
+    assert (both.size, alone.size) == (1 + count, count)
+    assert len(both.keys) == both.size
+    assert both.keys[1] == "stack.planning.micro.learned.kernel[0][0, 0]"
+    for before, after in zip(*map(jax.tree.leaves, (base, both.params(both.start(), base))), strict=True):
+        np.testing.assert_array_equal(before, after)
+    z = jnp.arange(float(count))
+    made = alone.params(z, base).stack.planning.micro.learned
+    moved = [x - y for x, y in zip(jax.tree.leaves((made.kernel, made.bias)), jax.tree.leaves(layers), strict=True)]
+    np.testing.assert_allclose(jnp.concatenate([x.ravel() for x in moved]), z, atol=1e-4)
+    np.testing.assert_array_equal(made.size, base.stack.planning.micro.learned.size)
+    assert alone.values(z) == {}
+    assert list(both.values(both.start())) == [key]
+
+
+def test_without_a_learned_cost_there_is_none_to_tune():
+    with pytest.raises(ConfigError, match="no learned cost"):
+        space(LOOP, ["*"], network=True)

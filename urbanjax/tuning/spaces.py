@@ -1,5 +1,7 @@
 """The space of what is tuned: a vector of free coordinates, from which params are made."""
 
+import functools
+import math
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -16,49 +18,68 @@ from urbanjax.types.pinned import fits
 
 T = TypeVar("T")
 
+LAYERS = tuple(f"stack.planning.micro.learned.{part}" for part in ("kernel", "bias"))
+
 
 @host_record
 class Space:
     """P numbers that are tuned. Holds no arrays, so that a function may close over it, or take it as a static one."""
 
-    numbers: tuple[Trainable, ...]  # [P]
+    numbers: tuple[Trainable, ...]
     rest: tuple[tuple[str, float], ...] = ()  # key and value of the elements beside them in tuples
+    arrays: tuple[tuple[str, tuple[int, ...]], ...] = ()  # key and shape of free ones, as of a learned cost
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Dotted keys of the numbers, in the order of the coordinates."""
-        return tuple(number.key for number in self.numbers)
+        """Dotted keys [P] of the numbers, in the order of the coordinates, and of the elements of the arrays."""
+        elements = [f"{key}{list(place)}" for key, shape in self.arrays for place in np.ndindex(*shape)]
+        return (*(number.key for number in self.numbers), *elements)
+
+    @functools.cached_property
+    def size(self) -> int:
+        """How many coordinates there are, P."""
+        return len(self.numbers) + sum(math.prod(shape) for _, shape in self.arrays)
 
     def start(self) -> Array:
         """The coordinates [P] of the params that one starts from: zeros."""
-        return jnp.zeros(len(self.numbers))
+        return jnp.zeros(self.size)
 
     def params(self, z: Array, base: T) -> T:
         """`base` with its tuned numbers moved; z = 0 is `base` itself, to the bit.
 
         Pure: jit it, vmap it over z, differentiate it with respect to z. Whatever z, values are finite and within their
-        bounds. Args: z [P], coordinates without a unit; base, params of the structure that the space was made of: z
-        counts from their values. Raises ConfigError for z of another shape, and base without one of the numbers.
+        bounds; elements of arrays have none, and z is added to them. Args: z [P], coordinates without a unit; base,
+        params of the structure that the space was made of: z counts from their values. Raises ConfigError for z of
+        another shape, and base without one of the numbers.
         """
         z = self._checked(z)
         paths, structure = jax.tree_util.tree_flatten_with_path(base)
         leaves = [leaf for _, leaf in paths]
         places = {jax.tree_util.keystr(path).removeprefix("."): i for i, (path, _) in enumerate(paths)}
-        for key in self.keys:
+        for key in (*(number.key for number in self.numbers), *(key for key, _ in self.arrays)):
             if key not in places:
                 raise ConfigError(f"base is a {type(base).__name__} without '{key}': give what the space was made of")
-        at = [places[key] for key in self.keys]
-        moved = self._moved(z, jnp.stack([jnp.asarray(leaves[i], z.dtype) for i in at]))
-        for i, value in zip(at, jnp.unstack(moved), strict=True):
-            leaves[i] = value.astype(getattr(leaves[i], "dtype", z.dtype))
+        at = [places[number.key] for number in self.numbers]
+        if at:
+            moved = self._moved(z, jnp.stack([jnp.asarray(leaves[i], z.dtype) for i in at]))
+            for i, value in zip(at, jnp.unstack(moved), strict=True):
+                leaves[i] = value.astype(getattr(leaves[i], "dtype", z.dtype))
+        begin = len(at)
+        for key, shape in self.arrays:
+            end = begin + math.prod(shape)
+            leaves[places[key]] = leaves[places[key]] + z[begin:end].reshape(shape)
+            begin = end
         return jax.tree.unflatten(structure, leaves)
 
     def values(self, z: Array) -> dict[str, Any]:
         """What a parameter file says of these coordinates: numbers by dotted key, and the whole of each tuple.
 
-        Args: z [P], concrete; 0 is what the space was made of. Raises ConfigError for another shape.
+        Nothing of the arrays, which do not stand in one. Args: z [P], concrete; 0 is what the space was made of. Raises
+        ConfigError for another shape.
         """
         z = self._checked(z)
+        if not self.numbers:
+            return {}
         moved = self._moved(z, jnp.asarray([number.value for number in self.numbers], z.dtype))
         now = {number.key: number_of(value) for number, value in zip(self.numbers, np.asarray(moved), strict=True)}
         values: dict[str, Any] = {}
@@ -73,13 +94,13 @@ class Space:
 
     def _checked(self, z: Array) -> Array:
         z = jnp.asarray(z)
-        if z.shape != (len(self.numbers),) or not jnp.issubdtype(z.dtype, jnp.floating):
+        if z.shape != (self.size,) or not jnp.issubdtype(z.dtype, jnp.floating):
             given = f"z is of {z.dtype} and shape {z.shape}"
-            raise ConfigError(f"{given}: give a float for each of the {len(self.numbers)} numbers")
+            raise ConfigError(f"{given}: give a float for each of the {self.size} numbers")
         return z
 
     def _moved(self, z: Array, value: Array) -> Array:
-        """The values [P] at z. Args: value [P], at z = 0."""
+        """The values of the numbers at z. Args: value, at z = 0."""
         kinds = np.array([number.transform for number in self.numbers])
         for kind in sorted(set(kinds)):
             at = np.flatnonzero(kinds == kind)
@@ -88,20 +109,35 @@ class Space:
         return value
 
 
-def space(params: Any, patterns: Sequence[str]) -> Space:
+def space(params: Any, patterns: Sequence[str], *, network: bool = False) -> Space:
     """The numbers of params that some patterns mean, of those that may be tuned.
 
-    Args: params, of any class; patterns, dotted keys with `*` and `?`, or of groups and tuples. Raises ConfigError for
-    one that means no number (with the nearest that there is), or only fixed ones (with why).
+    Args: params, of any class; patterns, dotted keys with `*` and `?`, or of groups and tuples; network, the layers of
+    the learned cost of `params.stack` too. Raises ConfigError for a pattern that means no number (with the nearest that
+    there is), or only fixed ones (with why), and a network that there is not.
     """
     patterns = [patterns] if isinstance(patterns, str) else list(patterns)
-    if not patterns:
+    arrays = layers(params) if network else ()
+    if not patterns and not arrays:
         raise ConfigError("nothing is to be tuned: give at least one dotted key")
     numbers = trainables(params)
     wanted = {number.key for pattern in patterns for number in _tunable(pattern, numbers)}
     tuned = tuple(number for number in numbers if number.key in wanted)
     tuples = {number.field for number in tuned if number.key != number.field}
-    return Space(tuned, tuple((n.key, n.value) for n in numbers if n.field in tuples and n.key not in wanted))
+    return Space(tuned, tuple((n.key, n.value) for n in numbers if n.field in tuples and n.key not in wanted), arrays)
+
+
+def layers(params: Any) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """Key and shape of the layers of the learned cost of a loop.
+
+    Args: params. Raises ConfigError where it has none.
+    """
+    paths = jax.tree_util.tree_flatten_with_path(params)[0]
+    shapes = {jax.tree_util.keystr(path).removeprefix("."): jnp.shape(leaf) for path, leaf in paths}
+    found = [(key, shape) for key, shape in shapes.items() if key.startswith(LAYERS)]
+    if not found:
+        raise ConfigError("there is no learned cost to tune: put `planning.learned.initial(...)` into the params")
+    return tuple(found)
 
 
 def meant_by(pattern: str, numbers: Sequence[Trainable]) -> list[Trainable]:

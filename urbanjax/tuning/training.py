@@ -63,19 +63,21 @@ class Training:
         *,
         learned: SceneSet,
         judged: SceneSet,
-        scores: Sequence[ScoreParams] | None = None,
+        scores: ScoreParams | Sequence[ScoreParams] | None = None,
         state: Mapping[str, np.ndarray] | None = None,
     ) -> None:
         """A search that has not begun, or has come as far as its state says.
 
         Args: space, of the parameters; params; learned, scenes to learn from; judged, others to be judged by, as
-        deployed; scores, one for each restart (default: the standard one for all); state, of a search that was cut off.
-        Raises TuningError for a state that is of another search, and ConfigError for settings that exclude each other.
+        deployed; scores, one for all, or one for each restart (default: the standard one for all); state, of a search
+        that was cut off. Raises TuningError for a state that is of another search, and ConfigError for settings that
+        exclude each other.
         """
         self.space, self.params, self.learned, self.judged = space, params, learned, judged
         self.period = float(np.asarray(learned.start.loop.period).flat[0])
         self.steps = params.steps(self.period)
-        self.scores = None if scores is None else list(scores)
+        self.score = scores if isinstance(scores, ScoreParams) else None
+        self.scores = None if scores is None or isinstance(scores, ScoreParams) else list(scores)
         self.optimiser = self._begun()
         self.horizon = 0  # number of the present one
         self.marks: list[int] = []  # evaluations at the end of each generation
@@ -164,7 +166,7 @@ class Training:
         self.checks = [Check(int(g), z, losses, float(cosine)) for g, z, losses, cosine in zip(*columns, strict=True)]
 
     def _begun(self) -> Optimiser:
-        start, params = np.zeros(len(self.space.numbers)), self.params
+        start, params = np.zeros(self.space.size), self.params
         common: dict[str, Any] = {"sigma": float(params.sigma), "seed": params.seed}
         if params.optimiser != "gradient":
             if self.scores is not None:
@@ -243,7 +245,7 @@ class Training:
         """
         params = self.params
         relaxation = Relaxation(params.temperature(self.generation), params.mode) if graded else Relaxation()
-        scores = None
+        scores: Any = self.score
         if self.scores is not None:
             scores = [self.scores[k] for k in (range(len(z)) if own is None else own) for _ in chosen]
         rows = ClosedLoop(self.space, self.steps[-1]).losses(

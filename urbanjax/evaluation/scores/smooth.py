@@ -9,8 +9,9 @@ from jaxtyping import Bool, Float
 from urbanjax.evaluation.metrics import HARD, checked, clearance, jerk, lateral_acceleration, progress
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
-from urbanjax.types import ConfigError, pytree
+from urbanjax.types import POSITIVE, ConfigError, field, pytree
 from urbanjax.types.arguments import kind
+from urbanjax.vehicle.comfort import ComfortParams
 from urbanjax.vehicle.params import VehicleParams
 
 SHORTEST = 1e-3  # s, that a run counts as lasting: one of a single step lasts 0
@@ -27,12 +28,15 @@ class ScoreParams:
     lateral: float = 0.1  # weight of the lateral acceleration
     jerk: float = 0.02  # weight
     lane: float = 0.05  # weight of the distance from the lane's centre
+    discomfort: float = 0.0  # weight of coming near the bounds of comfort, for scores that have such bounds
     speed_scale: float = 10.0  # m/s
     clearance_scale: float = 1.5  # m, below which the barrier rises
     road_scale: float = 0.3  # m, likewise
     acceleration_scale: float = 2.0  # m/s^2, for both directions
     jerk_scale: float = 4.0  # m/s^3
     lane_scale: float = 0.5  # m
+    comfort: ComfortParams = ComfortParams()  # the bounds
+    comfort_margin: float = field(default=0.15, metadata=POSITIVE)  # share of a bound, within which it is near
 
 
 @pytree
@@ -47,6 +51,7 @@ class Score:
     lateral: Array  # [] acceleration across
     jerk: Array  # [] along
     lane: Array  # [] distance from the lane's centre
+    discomfort: Array  # [] nearness to the bounds of comfort
 
 
 def score(
@@ -74,6 +79,8 @@ def terms(
 ) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
+    Discomfort is (1 + (x / bound - 1) / margin)+, added up over both directions along, across and the jerk along; it
+    counts where its weight is not 0.
     Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
     or how soft; counts [T], steps up to where the run ended, two or more (default: all of them). Raises as `score`
     does.
@@ -86,17 +93,34 @@ def terms(
     duration = jnp.maximum(jnp.max(jnp.where(counts, log.time, log.time[0])) - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     gaps = jnp.where(others, gaps, params.clearance_scale)
+    across, jerks = lateral_acceleration(log, vehicle), jerk(log)
     values = {
         "progress": progress(log)[jnp.sum(counts) - 1] / duration / params.speed_scale,
         "clearance": -mean(_barrier(gaps, params.clearance_scale)),
         "road": -mean(_barrier(log.road_margin, params.road_scale)),
         "acceleration": -square(log.ego.acceleration, params.acceleration_scale),
-        "lateral": -square(lateral_acceleration(log, vehicle), params.acceleration_scale),
-        "jerk": -_square(jerk(log), params.jerk_scale, counts=counts[1:]),
+        "lateral": -square(across, params.acceleration_scale),
+        "jerk": -_square(jerks, params.jerk_scale, counts=counts[1:]),
         "lane": -square(log.offset, params.lane_scale),
+        "discomfort": -mean(_near(log.ego.acceleration, across, params)) - _mean(_jerky(jerks, params), counts[1:]),
     }
     weighted = {name: getattr(params, name) * value for name, value in values.items()}
     return Score(total=sum(weighted.values(), jnp.zeros_like(duration)), **weighted)
+
+
+def _near(along: Array, across: Array, params: ScoreParams) -> Array:
+    """How near accelerations come to their bounds: 0 up to the margin, 1 at each bound, and on as fast."""
+    bounds = params.comfort
+    shares = along / bounds.acceleration, -along / bounds.deceleration, jnp.abs(across) / bounds.lateral
+    return functools.reduce(jnp.add, (_beyond(share, params) for share in shares))
+
+
+def _jerky(jerks: Array, params: ScoreParams) -> Array:
+    return _beyond(jnp.abs(jerks) / params.comfort.longitudinal_jerk, params)
+
+
+def _beyond(share: Array, params: ScoreParams) -> Array:
+    return jnp.maximum(1 + (share - 1) / params.comfort_margin, 0.0)
 
 
 def _barrier(margin: Array, scale: float | Array) -> Array:

@@ -69,9 +69,9 @@ class ClosedLoop:
         if derivative not in DERIVATIVES:
             raise ConfigError(f"derivative is {derivative!r}: use one of {', '.join(DERIVATIVES)}")
         if derivative == "auto":
-            derivative = "forward" if len(self.space.numbers) <= FORWARD_MOST else "reverse"
+            derivative = "forward" if self.space.size <= FORWARD_MOST else "reverse"
         count = start.count
-        points = np.broadcast_to(np.asarray(z, jnp.zeros(()).dtype), (count, len(self.space.numbers)))
+        points = np.broadcast_to(np.asarray(z, jnp.zeros(()).dtype), (count, self.space.size))
         scores = [score or ScoreParams()] * count if score is None or isinstance(score, ScoreParams) else list(score)
         if len(scores) != count:
             raise ConfigError(f"{len(scores)} scores for {count} rows: give one for all, or one for each")
