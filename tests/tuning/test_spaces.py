@@ -13,6 +13,7 @@ from urbanjax.planning.learned import initial
 from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.rollout import LoopParams
 from urbanjax.tuning import Space, space, trainables
+from urbanjax.tuning.spaces import ELEMENT
 from urbanjax.types import INSIDE, POSITIVE, SHARE, ConfigError, as_arrays, field, pytree, with_values
 
 NOT_NEGATIVE = {"range": (0.0, math.inf)}
@@ -225,7 +226,7 @@ def test_layers_of_a_learned_cost_are_moved_beside_the_numbers():
     z = jnp.arange(float(count))
     made = alone.params(z, base).stack.planning.micro.learned
     moved = [x - y for x, y in zip(jax.tree.leaves((made.kernel, made.bias)), jax.tree.leaves(layers), strict=True)]
-    np.testing.assert_allclose(jnp.concatenate([x.ravel() for x in moved]), z, atol=1e-4)
+    np.testing.assert_allclose(jnp.concatenate([x.ravel() for x in moved]), ELEMENT * z, atol=1e-4)
     np.testing.assert_array_equal(made.size, base.stack.planning.micro.learned.size)
     assert alone.values(z) == {}
     assert list(both.values(both.start())) == [key]

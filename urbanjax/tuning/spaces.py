@@ -18,6 +18,7 @@ from urbanjax.types.pinned import fits
 
 T = TypeVar("T")
 
+ELEMENT = 0.2  # [-], what a unit of z adds to an element of a layer: a step that is small for a weight is so for it
 LAYERS = tuple(f"stack.planning.micro.learned.{part}" for part in ("kernel", "bias"))
 
 
@@ -48,7 +49,7 @@ class Space:
         """`base` with its tuned numbers moved; z = 0 is `base` itself, to the bit.
 
         Pure: jit it, vmap it over z, differentiate it with respect to z. Whatever z, values are finite and within their
-        bounds; elements of arrays have none, and z is added to them. Args: z [P], coordinates without a unit; base,
+        bounds; elements of arrays have none, and ELEMENT * z is added. Args: z [P], coordinates without a unit; base,
         params of the structure that the space was made of: z counts from their values. Raises ConfigError for z of
         another shape, and base without one of the numbers.
         """
@@ -67,7 +68,7 @@ class Space:
         begin = len(at)
         for key, shape in self.arrays:
             end = begin + math.prod(shape)
-            leaves[places[key]] = leaves[places[key]] + z[begin:end].reshape(shape)
+            leaves[places[key]] = leaves[places[key]] + ELEMENT * z[begin:end].reshape(shape)
             begin = end
         return jax.tree.unflatten(structure, leaves)
 
