@@ -219,8 +219,6 @@ def test_nearness_to_the_bounds_of_comfort_counts_where_it_is_asked_for():
     assert discomfort(*[0.8 * bounds.acceleration] * 3) == pytest.approx(0.0, abs=1e-5)
     assert discomfort(*[bounds.acceleration] * 3) == pytest.approx(-2.0, rel=1e-5)
     assert discomfort(*[-bounds.deceleration] * 3) == pytest.approx(-2.0, rel=1e-5)
-    step = 0.1 * bounds.longitudinal_jerk  # m/s^2 from one step to the next
-    assert discomfort(0.0, step, step) == pytest.approx(-2.0 / 2, rel=1e-5)
 
 
 def test_gradient_of_the_score_matches_differences():

@@ -28,7 +28,7 @@ class ScoreParams:
     lateral: float = 0.1  # weight of the lateral acceleration
     jerk: float = 0.02  # weight
     lane: float = 0.05  # weight of the distance from the lane's centre
-    discomfort: float = 0.0  # weight of coming near the bounds of comfort, for scores that have such bounds
+    discomfort: float = 0.0  # weight of coming near accelerations that are uncomfortable
     speed_scale: float = 10.0  # m/s
     clearance_scale: float = 1.5  # m, below which the barrier rises
     road_scale: float = 0.3  # m, likewise
@@ -51,7 +51,7 @@ class Score:
     lateral: Array  # [] acceleration across
     jerk: Array  # [] along
     lane: Array  # [] distance from the lane's centre
-    discomfort: Array  # [] nearness to the bounds of comfort
+    discomfort: Array  # [] nearness to uncomfortable accelerations
 
 
 def score(
@@ -79,8 +79,7 @@ def terms(
 ) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
-    Discomfort is (1 + (x / bound - 1) / margin)+, added up over both directions along, across and the jerk along; it
-    counts where its weight is not 0.
+    Discomfort is the mean of (1 + (x / bound - 1) / margin)+, added up over accelerations along, both ways, and across.
     Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
     or how soft; counts [T], steps up to where the run ended, two or more (default: all of them). Raises as `score`
     does.
@@ -93,16 +92,16 @@ def terms(
     duration = jnp.maximum(jnp.max(jnp.where(counts, log.time, log.time[0])) - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     gaps = jnp.where(others, gaps, params.clearance_scale)
-    across, jerks = lateral_acceleration(log, vehicle), jerk(log)
+    across = lateral_acceleration(log, vehicle)
     values = {
         "progress": progress(log)[jnp.sum(counts) - 1] / duration / params.speed_scale,
         "clearance": -mean(_barrier(gaps, params.clearance_scale)),
         "road": -mean(_barrier(log.road_margin, params.road_scale)),
         "acceleration": -square(log.ego.acceleration, params.acceleration_scale),
         "lateral": -square(across, params.acceleration_scale),
-        "jerk": -_square(jerks, params.jerk_scale, counts=counts[1:]),
+        "jerk": -_square(jerk(log), params.jerk_scale, counts=counts[1:]),
         "lane": -square(log.offset, params.lane_scale),
-        "discomfort": -mean(_near(log.ego.acceleration, across, params)) - _mean(_jerky(jerks, params), counts[1:]),
+        "discomfort": -mean(_near(log.ego.acceleration, across, params)),
     }
     weighted = {name: getattr(params, name) * value for name, value in values.items()}
     return Score(total=sum(weighted.values(), jnp.zeros_like(duration)), **weighted)
@@ -112,15 +111,7 @@ def _near(along: Array, across: Array, params: ScoreParams) -> Array:
     """How near accelerations come to their bounds: 0 up to the margin, 1 at each bound, and on as fast."""
     bounds = params.comfort
     shares = along / bounds.acceleration, -along / bounds.deceleration, jnp.abs(across) / bounds.lateral
-    return functools.reduce(jnp.add, (_beyond(share, params) for share in shares))
-
-
-def _jerky(jerks: Array, params: ScoreParams) -> Array:
-    return _beyond(jnp.abs(jerks) / params.comfort.longitudinal_jerk, params)
-
-
-def _beyond(share: Array, params: ScoreParams) -> Array:
-    return jnp.maximum(1 + (share - 1) / params.comfort_margin, 0.0)
+    return functools.reduce(jnp.add, (jnp.maximum(1 + (share - 1) / params.comfort_margin, 0.0) for share in shares))
 
 
 def _barrier(margin: Array, scale: float | Array) -> Array:
