@@ -3,6 +3,7 @@
 import dataclasses
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,7 +12,10 @@ from experiments.tune.study import BudgetParams, HeldBackParams, HorizonsParams,
 from tests.scenes import loop_params
 from urbanjax.io.runs.checkpoints import read_checkpoint, write_checkpoint
 from urbanjax.io.runs.directory import Run
+from urbanjax.io.runs.networks import load_learned
 from urbanjax.io.runs.parameter_file import read_parameters
+from urbanjax.planning.learned import CONTEXT
+from urbanjax.planning.micro import MICRO_TERMS
 from urbanjax.tuning import SceneParams, TrainingParams
 from urbanjax.types import ConfigError, FileError
 
@@ -85,6 +89,26 @@ def test_what_cannot_be_resumed_is_said(whole, tmp_path):
     study, run = run_in(tmp_path / "broken", resume=str(tmp_path))
     with pytest.raises(FileError, match=r"checkpoint\.safetensors"):
         search.searched(study, run)
+
+
+def test_a_network_begins_with_nothing():
+    base = search.begun(dataclasses.replace(STUDY, network=True))
+    learned = base.stack.planning.micro.learned
+    features = jnp.ones((3, len(MICRO_TERMS))) * jnp.arange(3.0)[:, None]
+    np.testing.assert_array_equal(learned(features, jnp.ones(len(CONTEXT))), np.zeros(3))
+    assert search.begun(STUDY).stack.planning.micro.learned is None
+
+
+@pytest.mark.slow
+def test_a_network_is_tuned_and_kept(tmp_path):
+    training = dataclasses.replace(STUDY.training, generations=2)
+    study, run = run_in(tmp_path / "network", network=True, training=training)
+    closed_loop.write(study, run)
+    before, after = search.begun(study).stack.planning.micro.learned, load_learned(run.path("network.safetensors"))
+    assert np.abs(after.kernel[-1] - before.kernel[-1]).max() > 0
+    np.testing.assert_array_equal(after.size, before.size)
+    assert set(read_parameters(run.path("tuned.yaml"))) == set(STUDY.tuned)
+    assert "the layers of a learned cost" in run.path("card.md").read_text()
 
 
 def summary_of(run):
