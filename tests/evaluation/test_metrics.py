@@ -211,7 +211,7 @@ def test_every_term_of_the_score_is_weighed_as_it_says():
 
 def test_nearness_to_the_bounds_of_comfort_counts_where_it_is_asked_for():
     bounds = ComfortParams()
-    asked = scores.ScoreParams(discomfort=2.0, comfort_margin=0.2)
+    asked = scores.ScoreParams(discomfort=2.0, nearness=0.2)
 
     def discomfort(*gas):
         return float(terms(make(np.arange(3.0), acceleration=jnp.asarray(gas)), VEHICLE, params=asked).discomfort)

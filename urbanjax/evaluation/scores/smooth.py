@@ -14,6 +14,7 @@ from urbanjax.types.arguments import kind
 from urbanjax.vehicle.comfort import ComfortParams
 from urbanjax.vehicle.params import VehicleParams
 
+COMFORT = ComfortParams()
 SHORTEST = 1e-3  # s, that a run counts as lasting: one of a single step lasts 0
 
 
@@ -35,8 +36,10 @@ class ScoreParams:
     acceleration_scale: float = 2.0  # m/s^2, for both directions
     jerk_scale: float = 4.0  # m/s^3
     lane_scale: float = 0.5  # m
-    comfort: ComfortParams = ComfortParams()  # the bounds
-    comfort_margin: float = field(default=0.15, metadata=POSITIVE)  # share of a bound, within which it is near
+    most_acceleration: float = field(default=COMFORT.acceleration, metadata=POSITIVE)  # m/s^2, that is comfortable
+    most_deceleration: float = field(default=COMFORT.deceleration, metadata=POSITIVE)  # m/s^2, positive
+    most_lateral: float = field(default=COMFORT.lateral, metadata=POSITIVE)  # m/s^2
+    nearness: float = field(default=0.15, metadata=POSITIVE)  # share of these, within which it is near them
 
 
 @pytree
@@ -79,7 +82,7 @@ def terms(
 ) -> Score:
     """Score = w_p mean(v) / v_0 - sum w_i mean((x_i / x_i0)^2), with hinges ((1 - margin / scale)+)^2 as barriers.
 
-    Discomfort is the mean of (1 + (x / bound - 1) / margin)+, added up over accelerations along, both ways, and across.
+    Discomfort is the mean of (1 + (x / most - 1) / nearness)+, summed over accelerations along, both ways, and across.
     Args: log [T], of one run; vehicle, the ego's dimensions; params, weights and scales of the terms; relaxation, hard
     or how soft; counts [T], steps up to where the run ended, two or more (default: all of them). Raises as `score`
     does.
@@ -109,9 +112,9 @@ def terms(
 
 def _near(along: Array, across: Array, params: ScoreParams) -> Array:
     """How near accelerations come to their bounds: 0 up to the margin, 1 at each bound, and on as fast."""
-    bounds = params.comfort
-    shares = along / bounds.acceleration, -along / bounds.deceleration, jnp.abs(across) / bounds.lateral
-    return functools.reduce(jnp.add, (jnp.maximum(1 + (share - 1) / params.comfort_margin, 0.0) for share in shares))
+    braking, aside = -along / params.most_deceleration, jnp.abs(across) / params.most_lateral
+    shares = along / params.most_acceleration, braking, aside
+    return functools.reduce(jnp.add, (jnp.maximum(1 + (share - 1) / params.nearness, 0.0) for share in shares))
 
 
 def _barrier(margin: Array, scale: float | Array) -> Array:
