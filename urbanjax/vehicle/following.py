@@ -30,7 +30,10 @@ class IDMParams:
 class HeadwayParams:
     """Constant time headway."""
 
-    PINNED: ClassVar[dict[str, str]] = {"jam_distance": "safety: the gap that is kept at standstill"}
+    PINNED: ClassVar[dict[str, str]] = {
+        "time_headway": "safety: the gap that is kept on the move",
+        "jam_distance": "safety: the gap that is kept at standstill",
+    }
 
     time_headway: float = 1.2  # s
     jam_distance: float = 3.0  # m
