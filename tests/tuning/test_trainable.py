@@ -100,6 +100,7 @@ FIXED = {
         "*.infeasible",
         "*.kept",
         "stack.*.margin",
+        "stack.behavior.headway.time_headway",
     ],
     "scale": ["stack.planning.micro.weights.length"],
     "fact": ["vehicle.*", "period", "sensor.*", "sim.*", "stack.lidar.*"],
@@ -124,7 +125,7 @@ def test_taste_may_be_tuned():
         "stack.planning.macro.horizon",
         "stack.planning.primitives.offsets[3]",
         "stack.behavior.gvp.tau",
-        "stack.behavior.headway.time_headway",
+        "stack.behavior.headway.time_constant",
         "stack.behavior.caps.lateral_acceleration",
         "stack.control.lateral.gain",
     ]
