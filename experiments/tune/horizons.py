@@ -124,7 +124,7 @@ def draw(found: list[Slopes], path: Path) -> None:
         "error": ("relative to small differences [-]", "log"),
         "cosine": ("cosine to wide differences, deployed [-]", "linear"),
     }
-    with figure(path, 10.0, height=3.4) as canvas:
+    with figure(path, 10.0, height=3.6) as canvas:
         for axes, (name, (label, scale)) in zip(canvas.subplots(1, 3), panels.items(), strict=True):
             for temperature, colour in zip(temperatures, shades(len(temperatures)), strict=True):
                 part = [one for one in found if one.temperature == temperature]
@@ -139,7 +139,7 @@ def draw(found: list[Slopes], path: Path) -> None:
             if name == "cosine":
                 axes.axhline(0.5, color=BAD, lw=0.8, ls=":")
                 axes.set(ylim=(-1, 1))
-        canvas.axes[0].legend()
+        canvas.legend(*canvas.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(temperatures))
 
 
 def _table(found: list[Slopes]) -> dict[str, list[Any]]:
