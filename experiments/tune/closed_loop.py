@@ -44,8 +44,9 @@ def write(params: TuneStudy, run: Run) -> None:
     tuned = outcome(found.search, base)
     where = run.path(PARAMETERS)
     write_parameters(where, tuned.values, about=_about(params, tuned, where))
-    if params.network:
-        save_learned(run.path(NETWORK), tuned.params.stack.planning.micro.learned)
+    learned = tuned.params.stack.planning.micro.learned
+    if learned is not None:
+        save_learned(run.path(NETWORK), learned)
     _write_search(found, run)
     sections = [_search_section(found, tuned, run)]
     result = None
