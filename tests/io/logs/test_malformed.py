@@ -280,7 +280,7 @@ def test_a_log_broken_at_random_is_read_or_refused_by_name(tmp_path, kind, parqu
         slowest = max(slowest, time.perf_counter() - begin)
     assert all(error.startswith(f"{path.as_posix()}: ") for error in errors)
     assert 20 < len(errors) < 118
-    assert slowest < 0.5
+    assert slowest < 5.0
 
 
 def test_large_files_are_read_at_speed(tmp_path):
