@@ -267,6 +267,7 @@ def test_a_log_broken_at_random_is_read_or_refused_by_name(tmp_path, kind, parqu
         "json": ("HAM/1_tel.json", F1, TEL.replace(", ", ",\n")),
         "parquet": ("broken.parquet", LONG, parquet),
     }[kind]
+    logs.read(write(tmp_path, source, name), form(values))  # whole; and what the first of all reads loads is loaded
     errors, slowest = [], 0.0
     for _ in range(120):
         path = write(tmp_path, damaged(source, dice) if kind == "parquet" else mutated(source, dice), name)
@@ -280,7 +281,7 @@ def test_a_log_broken_at_random_is_read_or_refused_by_name(tmp_path, kind, parqu
         slowest = max(slowest, time.perf_counter() - begin)
     assert all(error.startswith(f"{path.as_posix()}: ") for error in errors)
     assert 20 < len(errors) < 118
-    assert slowest < 5.0
+    assert slowest < 0.5
 
 
 def test_large_files_are_read_at_speed(tmp_path):
