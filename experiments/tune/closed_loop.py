@@ -52,9 +52,8 @@ def write(params: TuneStudy, run: Run) -> None:
     result = None
     if params.tested.missions:
         with progress.bar("testing") as tick:
-            result = tested.tested(
-                params.tested, {DEFAULT: base, TUNED: as_arrays(tuned.params)}, score=params.score, tick=tick
-            )
+            sets = {DEFAULT: base, TUNED: as_arrays(tuned.params)}
+            result = tested.tested(params.tested, sets, score=params.score, tick=tick)
             sections.append(_test_section(params, result, tuned, run, tick))
     write_atomically(run.path(CARD), card(params, found, tuned=tuned, result=result))
     report.write_report(
@@ -64,10 +63,14 @@ def write(params: TuneStudy, run: Run) -> None:
 
 
 def _about(params: TuneStudy, tuned: Tuned, where: Any) -> dict[str, str]:
+    if params.network:
+        use = {"only half of it": f"the rest is {NETWORK} beside it, see `urbanjax.io.runs.networks.load_learned`"}
+    else:
+        use = {"drive it with": f"python -m experiments.evaluate params={os.path.relpath(where)}"}
     return {
         "tuned by": shlex.join(sys.orig_argv),
         "score": f"{tuned.gain.text(3)} better in the scenes that it was judged by",
-        "drive it with": f"python -m experiments.evaluate params={os.path.relpath(where)}",
+        **use,
         "code": code_digest(),
     }
 

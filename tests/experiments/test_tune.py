@@ -108,6 +108,7 @@ def test_a_network_is_tuned_and_kept(tmp_path):
     assert np.abs(after.kernel[-1] - before.kernel[-1]).max() > 0
     np.testing.assert_array_equal(after.size, before.size)
     assert set(read_parameters(run.path("tuned.yaml"))) == set(STUDY.tuned)
+    assert "only half of it" in run.path("tuned.yaml").read_text()
     assert "the layers of a learned cost" in run.path("card.md").read_text()
 
 
