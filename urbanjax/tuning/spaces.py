@@ -1,6 +1,5 @@
 """The space of what is tuned: a vector of free coordinates, from which params are made."""
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -26,7 +25,7 @@ LAYERS = tuple(f"stack.planning.micro.learned.{part}" for part in ("kernel", "bi
 class Space:
     """P numbers that are tuned. Holds no arrays, so that a function may close over it, or take it as a static one."""
 
-    numbers: tuple[Trainable, ...]
+    numbers: tuple[Trainable, ...]  # with a transform and bounds of their own, first of the coordinates
     rest: tuple[tuple[str, float], ...] = ()  # key and value of the elements beside them in tuples
     arrays: tuple[tuple[str, tuple[int, ...]], ...] = ()  # key and shape of free ones, as of a learned cost
 
@@ -36,7 +35,7 @@ class Space:
         elements = [f"{key}{list(place)}" for key, shape in self.arrays for place in np.ndindex(*shape)]
         return (*(number.key for number in self.numbers), *elements)
 
-    @functools.cached_property
+    @property
     def size(self) -> int:
         """How many coordinates there are, P."""
         return len(self.numbers) + sum(math.prod(shape) for _, shape in self.arrays)

@@ -111,7 +111,7 @@ def terms(
 
 
 def _near(along: Array, across: Array, params: ScoreParams) -> Array:
-    """How near accelerations come to their bounds: 0 up to the margin, 1 at each bound, and on as fast."""
+    """How near to their bounds accelerations [T] (m/s^2) come: 0 when far, 1 at each bound, and on as fast."""
     braking, aside = -along / params.most_deceleration, jnp.abs(across) / params.most_lateral
     shares = along / params.most_acceleration, braking, aside
     return functools.reduce(jnp.add, (jnp.maximum(1 + (share - 1) / params.nearness, 0.0) for share in shares))
