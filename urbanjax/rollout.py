@@ -169,19 +169,36 @@ def go_on(
     Args: course, what the drive is about; lanes, the simulator's tables; now, the loop so far; n_steps; keep, what is
     kept of each step; sensing, for a stack that localizes itself.
     """
+    step = one_step(params, course, lanes=lanes, keep=keep, sensing=sensing)
+    # The backward pass recomputes each step from its start, but for what costs much and takes little room: memory grows
+    # with the state and with that, not with the plans.
+    return jax.lax.scan(recomputed(lambda now, _: step(now)), now, length=n_steps)
+
+
+def one_step(
+    params: LoopParams,
+    course: Course,
+    *,
+    lanes: LaneTables,
+    keep: Callable[[Any], Any] = trace,
+    sensing: Sensing | None = None,
+) -> Callable[[Underway], tuple[Underway, tuple[Log, Any]]]:
+    """The loop after one more step, and what is logged and kept of it, as a function of the loop so far.
+
+    Args: course, what the drive is about; lanes, the simulator's tables; keep, what is kept of the step; sensing, for a
+    stack that localizes itself.
+    """
     driver, sim = params.handed_down()
     course = course.replace(graph=lanes.graph)  # one graph in the program, not two
     relaxation = getattr(driver, "relaxation", HARD)
 
-    def body(carry: Underway, _: None) -> tuple[Underway, tuple]:
-        now = carry.world
+    def step(so_far: Underway) -> tuple[Underway, tuple[Log, Any]]:
+        now = so_far.world
         seen = world.look(sim, lanes, world=now)
         observation = world.observe(sim, lanes, world=now, seen=seen, sensing=sensing)
-        command, following, info = driver.step(course, carry.state, observation)
+        command, following, info = driver.step(course, so_far.state, observation)
         entry = log.record(sim, lanes, world=now, command=command, relaxation=relaxation, seen=seen)
         after = world.step(sim, lanes, now, command, params.period, relaxation, seen)
         return Underway(following, after), (entry, keep(info))
 
-    # The backward pass recomputes each step from its start, but for what costs much and takes little room: memory grows
-    # with the state and with that, not with the plans.
-    return jax.lax.scan(recomputed(body), now, length=n_steps)
+    return step

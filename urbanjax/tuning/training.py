@@ -248,7 +248,7 @@ class Training:
         scores: Any = self.score
         if self.scores is not None:
             scores = [self.scores[k] for k in (range(len(z)) if own is None else own) for _ in chosen]
-        rows = ClosedLoop(self.space, self.steps[-1]).losses(
+        rows = ClosedLoop(self.space, self.steps[-1], float(self.params.step_clip)).losses(
             np.repeat(z, len(chosen), axis=0),
             where.start.at(np.tile(chosen, len(z))),
             n_steps=steps,

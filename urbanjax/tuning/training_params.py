@@ -21,6 +21,7 @@ class TrainingParams:
     rate: float = field(default=0.05, metadata=POSITIVE)  # [-], of a step in z; falls to 0 as a cosine
     clip: float = field(default=1.0, metadata=POSITIVE)  # [-], greatest norm of a gradient
     scene_clip: float = field(default=1.0, metadata=POSITIVE)  # [-], greatest norm of that of one scene
+    step_clip: float = field(default=10.0, metadata=POSITIVE)  # [-], greatest norm of what a step hands back
     risk: float = field(default=1.0, metadata=POSITIVE_SHARE)  # share of the worst scenes that count; 1: all do
     mode: str = static(default="soft", metadata={"choices": ("soft", "straight_through")})  # of what is differentiated
     temperatures: tuple[float, ...] = field(default=(0.1, 0.05), metadata=POSITIVE)  # of the first and last generation

@@ -15,16 +15,18 @@ from urbanjax.evaluation.facts import facts
 from urbanjax.evaluation.fault import at_fault
 from urbanjax.evaluation.missions.found import encounter_case
 from urbanjax.numerics.compiling import compiler_options
-from urbanjax.rollout import LoopParams, rollout, steps_of
+from urbanjax.rollout import LoopParams, begin, steps_of
 from urbanjax.sim.log import Log
 from urbanjax.sim.scenarios.encounter_families import Family
 from urbanjax.sim.scenarios.encounters import Encounter, EncounterPlace, meet
 from urbanjax.tuning.adversary.braking import Avoidance, avoidance
 from urbanjax.tuning.adversary.threat import ThreatParams, threat
+from urbanjax.tuning.losses.unrolled import unrolled
 from urbanjax.tuning.spaces import Space, space
 from urbanjax.types import as_arrays, host_record, pytree
 
 PARTS = 3  # of each number's range, that tell failures apart
+STEP_CLIP = 10.0  # greatest norm of what a step hands back to the one before
 CHUNK = 16  # drives at once: what any of the programs computes
 
 
@@ -154,7 +156,8 @@ def drive(loop: LoopParams, case: Case, *, encounter: Encounter, params: ThreatP
     """
     limit = case.lanes.graph.speed_limit[case.start.traffic.link[0]]
     start = meet(case.start, encounter, limit=limit)
-    log, _ = rollout(loop, case.course, case.lanes, start, n_steps, keep=lambda info: None)
+    now = begin(loop, case.course, start=start)
+    _, log = unrolled(loop, case, now=now, n_steps=n_steps, step_clip=STEP_CLIP)
     seen = facts(log, case, vehicle=loop.vehicle)
     fault = jax.lax.stop_gradient(at_fault(seen, loop.vehicle).at_fault)
     return threat(seen, loop.vehicle, params=params), EncounterDrive(log, jnp.any(fault > 0, axis=1))

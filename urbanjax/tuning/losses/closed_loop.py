@@ -14,8 +14,9 @@ from urbanjax.evaluation.scores import Score, ScoreParams, terms
 from urbanjax.evaluation.streams import dealt, streams
 from urbanjax.numerics.compiling import compiler_options
 from urbanjax.numerics.soft import Relaxation
-from urbanjax.rollout import LoopParams, Underway, go_on
+from urbanjax.rollout import LoopParams, Underway
 from urbanjax.sim.log import Log
+from urbanjax.tuning.losses.unrolled import unrolled
 from urbanjax.tuning.spaces import Space
 from urbanjax.tuning.starts import Start
 from urbanjax.types import ConfigError, as_arrays, host_record
@@ -42,6 +43,7 @@ class ClosedLoop:
 
     space: Space
     longest: int  # steps, of which one program drives as many as are asked for, by tens
+    step_clip: float | None = None  # greatest norm of what a step hands back to the one before in "reverse"
 
     def losses(
         self,
@@ -57,7 +59,7 @@ class ClosedLoop:
 
         What comes out for a row does not depend on the other ones. Not finite is left as it is: whoever asked knows the
         scene. "forward" pushes every coordinate through the loop, "reverse" goes back once for all of them; they agree
-        to rounding, and "auto" takes the first one for up to FORWARD_MOST coordinates.
+        to rounding where `step_clip` does not bind, and "auto" takes the first one for up to FORWARD_MOST coordinates.
         Args: z [R, P], coordinates of each row, or [P] of all; start [R]; n_steps, a multiple of SEGMENT (default:
         the longest); score, weights of the terms, one for all rows
         or one for each; relaxation, of all choices; derivative, one of DERIVATIVES. Raises ConfigError for other
@@ -76,7 +78,7 @@ class ClosedLoop:
         if len(scores) != count:
             raise ConfigError(f"{len(scores)} scores for {count} rows: give one for all, or one for each")
         weights = jax.tree.map(lambda *x: np.stack(x), *jax.device_get([as_arrays(one) for one in scores]))
-        program = _program(self.space, self.longest // SEGMENT, relaxation.mode, derivative)
+        program = _program(self, relaxation.mode, derivative)
         shared = as_arrays(relaxation).temperature, np.int32(n_steps // SEGMENT)
         run = functools.partial(_chunks, program, (points, start, weights), shared)
         parts = [np.arange(k, min(k + CHUNK, count)) for k in range(0, count, CHUNK)]
@@ -95,14 +97,15 @@ def _chunks(
 
 
 @functools.cache
-def _program(space: Space, most: int, mode: str, derivative: str) -> Callable:
+def _program(of: ClosedLoop, mode: str, derivative: str) -> Callable:
     """(z [R, P], start [R], score [R], temperature, segments) to loss [R], score [R] and gradient [R, P]."""
 
     def loss(z: Array, start: Start, score: ScoreParams, temperature: Array, segments: Array) -> tuple[Array, Score]:
         relaxation = Relaxation(mode=mode).replace(temperature=temperature)
-        own = space.params(z, start.loop)
+        own = of.space.params(z, start.loop)
         own = own.replace(stack=own.stack.replace(relaxation=relaxation))
-        log, counts = _driven(own, start, most, segments)
+        step_clip = of.step_clip if derivative == "reverse" else None
+        log, counts = _driven(own, start, most=of.longest // SEGMENT, segments=segments, step_clip=step_clip)
         relaxed = HARD if mode == "hard" else relaxation
         found = terms(log, own.vehicle, params=score, relaxation=relaxed, counts=counts)
         return -found.total, found
@@ -123,13 +126,13 @@ def _program(space: Space, most: int, mode: str, derivative: str) -> Callable:
     return jax.jit(jax.vmap(row, (0, 0, 0, None, None)), compiler_options=compiler_options())
 
 
-def _driven(loop: LoopParams, start: Start, most: int, segments: Array) -> tuple[Log, Array]:
+def _driven(
+    loop: LoopParams, start: Start, *, most: int, segments: Array, step_clip: float | None
+) -> tuple[Log, Array]:
     """The log [T] of at most so many segments, and which of its steps were driven; in others stands the first one."""
-    case = start.case
 
     def on(now: Underway) -> tuple[Underway, Log]:
-        after, (log, _) = go_on(loop, case.course, lanes=case.lanes, now=now, n_steps=SEGMENT, keep=lambda info: None)
-        return after, log
+        return unrolled(loop, start.case, now=now, n_steps=SEGMENT, step_clip=step_clip)
 
     def off(now: Underway) -> tuple[Underway, Log]:
         return now, jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(on, now)[1])
