@@ -145,16 +145,15 @@ def draw(found: list[Slopes], path: Path) -> None:
 def _table(found: list[Slopes]) -> dict[str, list[Any]]:
     out: dict[str, list[Any]] = {}
     for one in found:
-        known = one.cosine[np.isfinite(one.cosine)]
         line = {
             "temperature": one.temperature,
             "horizon [s]": one.horizon,
             "scenes": len(one.norm),
-            "norm, median": float(np.median(one.norm)),
+            "norm, median": _told(statistics.median(one.norm)),
             "norm, greatest": float(one.norm.max()),
-            "off small differences, median": float(np.median(one.error)),
+            "off small differences, median": _told(statistics.median(one.error)),
             "off, greatest": float(one.error.max()),
-            "cosine to wide ones, deployed": statistics.mean(known).text(2),
+            "cosine to wide ones, deployed": _cosine(one).text(2),
         }
         for name, value in line.items():
             out.setdefault(name, []).append(value)
@@ -165,11 +164,17 @@ def _summary(found: list[Slopes]) -> dict[str, float]:
     out: dict[str, float] = {}
     for one in found:
         name = f"horizon_{one.horizon:g}_s_temperature_{one.temperature:g}"
-        out |= {
-            f"{name}_norm_median": float(np.median(one.norm)),
-            f"{name}_norm_greatest": float(one.norm.max()),
-            f"{name}_error_median": float(np.median(one.error)),
-            f"{name}_error_greatest": float(one.error.max()),
-            f"{name}_cosine_mean": float(np.nanmean(one.cosine)),
-        }
+        out |= statistics.median(one.norm).flat(f"{name}_norm_median")
+        out |= statistics.median(one.error).flat(f"{name}_error_median")
+        out |= _cosine(one).flat(f"{name}_cosine_mean")
+        out |= {f"{name}_norm_greatest": float(one.norm.max()), f"{name}_error_greatest": float(one.error.max())}
     return out
+
+
+def _cosine(one: Slopes) -> statistics.WithInterval:
+    return statistics.mean(one.cosine[np.isfinite(one.cosine)])
+
+
+def _told(found: statistics.WithInterval) -> str:
+    value, low, high = (f"{x:.2g}" for x in found)
+    return f"{value} [{low}, {high}]"

@@ -84,12 +84,11 @@ def summary(found: HeldBackDrives) -> dict[str, float]:
     out: dict[str, float] = {"tested_drives": float(len(found.rows[first]))}
     for measure, (_, share) in MEASURES.items():
         unit = "percent" if share else {"mean_speed": "mps"}.get(measure, "score")
+        measured = measure if measure == unit else f"{measure}_{unit}"
         for name, rows in found.rows.items():
-            out |= _value(rows, measure, share).flat(f"tested_{name}_{measure}_{unit}")
+            out |= _value(rows, measure, share).flat(f"tested_{name}_{measured}")
         for name in others:
-            out |= difference(found.rows, name, measure, first=first).flat(
-                f"tested_{name}_less_{first}_{measure}_{unit}"
-            )
+            out |= difference(found.rows, name, measure, first=first).flat(f"tested_{name}_less_{first}_{measured}")
     return out
 
 

@@ -67,3 +67,18 @@ def test_stretches_are_consecutive_and_even():
     assert np.all(np.diff(groups) >= 0)
     assert set(np.bincount(groups)) <= {12, 13}
     assert statistics.stretches(3, 40).tolist() == [0, 1, 2]
+
+
+def test_a_median_stands_between_order_statistics():
+    assert statistics.median(np.arange(1.0, 11.0)) == (5.5, 2.0, 9.0)  # Conover's table for ten: 97.9 %
+    assert statistics.median([3.0, np.inf, 1.0, np.inf, 2.0]) == (3.0, 1.0, np.inf)
+    assert statistics.median([1.0, np.inf, np.inf, np.inf]).text(0) == "inf [1, inf]"
+    assert statistics.median([]).text() == "-"
+
+
+@pytest.mark.parametrize("count", [6, 15, 40])
+def test_the_interval_of_a_median_holds_it_as_often_as_it_says(count):
+    rng = np.random.default_rng(count)
+    found = np.array([statistics.median(rng.exponential(size=count)) for _ in range(2000)])
+    held = np.mean((found[:, 1] <= np.log(2)) & (np.log(2) <= found[:, 2]))
+    assert 0.94 < held < 0.99
