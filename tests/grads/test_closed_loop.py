@@ -10,7 +10,6 @@ from urbanjax.rollout import rollout
 from urbanjax.types import as_arrays
 
 N_STEPS = 20
-TEMPERATURE = 0.3
 STEP = 2e-7  # relative to the size of a parameter, at least 2e-7
 AT_ONCE = 2  # directions
 
@@ -32,16 +31,23 @@ def overtaking(params):
     return course, lanes, jax.tree.map(lambda x: x[0], starts)
 
 
+# With their temperatures: lower, the macro plan is decided in the last two; higher, it keeps away from others.
+SCENES = ((overtaking, 0.3), (oncoming_scene, 0.6), (curve_scene, 0.6))
+
+
 class Slopes:
     """Directional derivatives of the score by the parameters as one vector, forward mode and central differences."""
 
     def __init__(self):
-        params = as_arrays(loop_params("soft", TEMPERATURE))
+        params = as_arrays(loop_params("soft"))
         self.names = paths_of(params.stack)
         leaves, structure = jax.tree.flatten(params.stack)
         self.point = np.array([float(leaf) for leaf in leaves])
         self.sizes = np.maximum(np.abs(self.point), 1.0)
-        self.scenes = [as_arrays(scene(params)) for scene in (overtaking, oncoming_scene, curve_scene)]
+        self.scenes = [as_arrays(scene(params)) for scene, _ in SCENES]
+        warmth = np.array([name == "relaxation.temperature" for name in self.names])
+        assert warmth.sum() == 1
+        self.points = [np.where(warmth, temperature, self.point) for _, temperature in SCENES]
 
         def along(vector, course, lanes, start):
             return score_of(jax.tree.unflatten(structure, list(vector)), params, course, lanes, start)
@@ -59,9 +65,9 @@ class Slopes:
         n = len(directions)
         padded = np.concatenate([directions, np.zeros((-n % AT_ONCE, directions.shape[1]))])
         slopes, differences = [], []
-        for scene in self.scenes:
+        for scene, point in zip(self.scenes, self.points, strict=True):
             for some in padded.reshape(-1, AT_ONCE, padded.shape[1]):
-                at = [self.point + shift * some for shift in (0, STEP, -STEP)]
+                at = [point + shift * some for shift in (0, STEP, -STEP)]
                 (_, slope), (plus, _), (minus, _) = (self._forward(each, some, *scene) for each in at)
                 slopes.append(slope)
                 differences.append((np.asarray(plus) - np.asarray(minus)) / (2 * STEP))
@@ -120,8 +126,8 @@ def test_the_score_depends_on_what_tuning_would_tune(differentiated):
 def test_reverse_mode_equals_forward_mode(slopes, differentiated):
     _, forward, _ = differentiated
     with jax.enable_x64(True):
-        params = as_arrays(loop_params("soft", TEMPERATURE))
         reverse = jax.jit(jax.grad(score_of))
-        for scene, expected in zip(slopes.scenes, forward, strict=True):
+        for scene, (_, temperature), expected in zip(slopes.scenes, SCENES, forward, strict=True):
+            params = as_arrays(loop_params("soft", temperature))
             gradient = reverse(params.stack, params, *scene)
             np.testing.assert_allclose(np.array(jax.tree.leaves(gradient)), expected, rtol=1e-6, atol=1e-9)
