@@ -72,7 +72,7 @@ class IdmDriver:
         params = self.following
         limit = jnp.interp(here.station, road.station, road.speed_limit)
         bends = curve_speed(path.curvature, self.lateral_acceleration, cap=limit)
-        desired = jnp.min(approach_speed(path.station - here.station, bends, deceleration=params.deceleration))
+        desired = safe.minimum(approach_speed(path.station - here.station, bends, deceleration=params.deceleration))
         front = here.station + self.vehicle.length - self.vehicle.rear_overhang
         gap, speed, there = self._leaders(road, observation.objects, front)
         line, red = closed_line(road, observation.signals, front=front)

@@ -32,7 +32,7 @@ class LearnedCost:
 
         Args: features [J, C], cost terms at weights of 1; context [X], of the scene.
         """
-        above = features - jnp.min(features, axis=0)[None, :]
+        above = features - safe.minimum(features, 0)[None, :]
         about = jnp.broadcast_to(context / SIZES, (features.shape[0], context.shape[0]))
         values = jnp.concatenate([jnp.tanh(above / self.size[None, :]), jnp.tanh(about)], axis=1)
         for kernel, bias in zip(self.kernel[:-1], self.bias[:-1], strict=True):
@@ -70,7 +70,7 @@ def context_of(fan: Fan, *, room: Float[Array, "j k"]) -> Float[Array, "x"]:
         [
             fan.speed[0, 0],
             fan.road.limit[0],
-            jnp.max(jnp.abs(fan.road.curvature)),
+            safe.maximum(jnp.abs(fan.road.curvature)),
             fan.free_speed[-1],
             gap,
             lean.minimum(safe.minimum(room[middle]), 10.0),

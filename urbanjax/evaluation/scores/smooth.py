@@ -7,6 +7,7 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from urbanjax.evaluation.metrics import HARD, checked, clearance, jerk, lateral_acceleration, progress
+from urbanjax.numerics import safe
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.sim.log import Log
 from urbanjax.types import POSITIVE, ConfigError, field, pytree
@@ -92,7 +93,7 @@ def terms(
     kind(params, "params", wanted=ScoreParams, error=ConfigError)
     counts = jnp.ones(log.time.shape, bool) if counts is None else counts
     mean, square = functools.partial(_mean, counts=counts), functools.partial(_square, counts=counts)
-    duration = jnp.maximum(jnp.max(jnp.where(counts, log.time, log.time[0])) - log.time[0], SHORTEST)
+    duration = jnp.maximum(safe.maximum(jnp.where(counts, log.time, log.time[0])) - log.time[0], SHORTEST)
     gaps, others = clearance(log, vehicle, relaxation=relaxation)
     gaps = jnp.where(others, gaps, params.clearance_scale)
     across = lateral_acceleration(log, vehicle)

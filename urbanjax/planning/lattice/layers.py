@@ -9,7 +9,7 @@ from jax import Array, lax
 from jaxtyping import Float, Int
 
 from urbanjax.geometry import frenet
-from urbanjax.numerics import lean, soft
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.kept import recomputed
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning.clearance import Passage
@@ -230,7 +230,7 @@ def edge_terms(lattice: Lattice, driving: Driving, *, ways: Edges) -> tuple[dict
     """
     weights, relaxation = driving.params, driving.relaxation
     ways = jax.tree.map(lambda x: x[1:], ways)
-    bends = jnp.max(jnp.abs(lattice.steps.curvature[1:]), axis=1)[:, None, None]
+    bends = safe.maximum(jnp.abs(lattice.steps.curvature[1:]), 1)[:, None, None]
     beyond = refused(
         ways, lean.maximum(sharpest(driving.vehicle, weights.edges), bends), limits=weights.edges, relaxation=relaxation
     )

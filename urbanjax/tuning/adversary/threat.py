@@ -13,7 +13,7 @@ from jaxtyping import Float
 from urbanjax.evaluation import fault
 from urbanjax.evaluation.facts import Facts
 from urbanjax.geometry.boxes import relaxed_box_gap
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import POSITIVE, field, pytree
 from urbanjax.vehicle.params import VehicleParams
@@ -53,4 +53,4 @@ def threat(facts: Facts, vehicle: VehicleParams, *, params: ThreatParams | None 
     faults = fault.at_fault(facts, vehicle)
     theirs_alone = jax.lax.stop_gradient(faults.begins - faults.at_fault) * (touched == 1)[:, None]
     price = params.blame + jnp.maximum(gaps, 0.0)  # the front bumper was that far from being the first to touch
-    return jnp.where(jnp.any(theirs_alone > 0), jnp.max(theirs_alone * price), least)
+    return jnp.where(jnp.any(theirs_alone > 0), safe.maximum((theirs_alone * price).reshape(-1)), least)
