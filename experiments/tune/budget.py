@@ -23,9 +23,10 @@ NAMES = {"gradient": "gradient (Adam)", "cma_es": "CMA-ES", "tpe": "TPE", "rando
 FOLDER = "searches"
 CAPTION = (
     "An evaluation is {scenes} scenes of {horizon:g} s; a gradient counts as the {multiple:.2f} evaluations that it "
-    "costs, measured here. All searches have the same scenes, start, spread, bounds and transforms; scores are of "
+    "costs, measured here. All searches draw their scenes from the same {pool}, others in each generation, and have the "
+    "same start, spread, bounds and transforms; they begin off the defaults, by {detuned:g} N(0, 1) in z. Scores are of "
     "{fresh} scenes that none of them has seen, as deployed, of the point that the search stands by. Brackets: 95 % "
-    "bootstrap over {restarts} restarts, each with scenes and seed of its own; of medians, between order statistics"
+    "bootstrap over {restarts} restarts, each with scenes, start and seed of its own; of medians, between order statistics"
 )
 
 
@@ -59,6 +60,8 @@ def write(params: TuneStudy, run: Run) -> None:
         scenes=params.training.scenes,
         horizon=float(params.training.horizons[-1]),
         multiple=multiple,
+        pool=params.learned.count,
+        detuned=float(budget.detuned),
         fresh=params.judged.count,
         restarts=budget.restarts,
     )
@@ -122,14 +125,14 @@ def _known(resume: str, name: str, stamp: dict[str, str]) -> dict[str, np.ndarra
 
 
 def _problem(params: TuneStudy, restart: int) -> Any:
-    """Scenes of a restart: those of all its searches, and fresh ones."""
-    base, seed = as_arrays(params.loop()), params.training.seed + 1000 * restart
-    learned = dataclasses.replace(params.learned, count=params.training.scenes)
-    horizon = float(params.training.horizons[-1])
-    return tuple(
+    """A restart: where all its searches begin, the scenes that they learn from, and fresh ones."""
+    seed, base = params.training.seed + 1000 * restart, as_arrays(params.loop())
+    size, horizon = space(base, params.tuned).size, float(params.training.horizons[-1])
+    scenes = (
         scene_set(base, which, horizon=horizon, seed=seed + number)
-        for number, which in enumerate((learned, params.judged))
+        for number, which in enumerate((params.learned, params.judged))
     )
+    return float(params.budget.detuned) * np.random.default_rng(seed).normal(size=size), *scenes
 
 
 def _training(params: TuneStudy, optimiser: str, restart: int, problem: Any, generations: int) -> Training:
@@ -141,8 +144,8 @@ def _training(params: TuneStudy, optimiser: str, restart: int, problem: Any, gen
         horizons=params.training.horizons[-1:],
         every=10**6,
     )
-    tuned = space(as_arrays(params.loop()), params.tuned)
-    return Training(tuned, settings, learned=problem[0], judged=problem[1], scores=params.score)
+    tuned, (start, learned, judged) = space(as_arrays(params.loop()), params.tuned), problem
+    return Training(tuned, settings, learned=learned, judged=judged, scores=params.score, start=start)
 
 
 def _cost_of_gradient(params: TuneStudy, restart: int, problem: Any) -> float:

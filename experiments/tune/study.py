@@ -70,8 +70,9 @@ class BudgetParams:
 
     optimisers: tuple[str, ...] = static(default=SEARCHES, metadata={"choices": SEARCHES})
     evaluations: float = field(default=500.0, metadata=POSITIVE)  # without gradient, of each search
-    apart: float = field(default=20.0, metadata=POSITIVE)  # evaluations between two looks at fresh scenes
-    restarts: int = static(default=5, metadata={"range": (1, 1000)})  # each with scenes and seed of its own
+    apart: float = field(default=50.0, metadata=POSITIVE)  # evaluations between two looks at fresh scenes
+    restarts: int = static(default=5, metadata={"range": (1, 1000)})  # each with scenes, start and seed of its own
+    detuned: float = field(default=0.7, metadata=POSITIVE)  # [-], spread of where they start, in units of z
 
 
 @pytree

@@ -65,20 +65,21 @@ class Training:
         judged: SceneSet,
         scores: ScoreParams | Sequence[ScoreParams] | None = None,
         state: Mapping[str, np.ndarray] | None = None,
+        start: np.ndarray | None = None,
     ) -> None:
         """A search that has not begun, or has come as far as its state says.
 
         Args: space, of the parameters; params; learned, scenes to learn from; judged, others to be judged by, as
         deployed; scores, one for all, or one for each restart (default: the standard one for all); state, of a search
-        that was cut off. Raises TuningError for a state that is of another search, and ConfigError for settings that
-        exclude each other.
+        that was cut off; start [P], where to begin (default: at 0, the params as they are). Raises TuningError for a
+        state that is of another search, and ConfigError for settings that exclude each other.
         """
         self.space, self.params, self.learned, self.judged = space, params, learned, judged
         self.period = float(np.asarray(learned.start.loop.period).flat[0])
         self.steps = params.steps(self.period)
         self.score = scores if isinstance(scores, ScoreParams) else None
         self.scores = None if scores is None or isinstance(scores, ScoreParams) else list(scores)
-        self.optimiser = self._begun()
+        self.optimiser = self._begun(np.zeros(space.size) if start is None else np.asarray(start, float))
         self.horizon = 0  # number of the present one
         self.marks: list[int] = []  # evaluations at the end of each generation
         self.checks: list[Check] = []
@@ -165,8 +166,8 @@ class Training:
             raise TuningError(f"the state lacks {error}: is it that of a search?") from error
         self.checks = [Check(int(g), z, losses, float(cosine)) for g, z, losses, cosine in zip(*columns, strict=True)]
 
-    def _begun(self) -> Optimiser:
-        start, params = np.zeros(self.space.size), self.params
+    def _begun(self, start: np.ndarray) -> Optimiser:
+        params = self.params
         common: dict[str, Any] = {"sigma": float(params.sigma), "seed": params.seed}
         if params.optimiser != "gradient":
             if self.scores is not None:
