@@ -45,7 +45,7 @@ class Known:
     spoilt: tuple = ()
     against = 1.0
 
-    def __init__(self, space, longest):
+    def __init__(self, space, longest, step_clip):
         self.longest = longest
 
     def losses(self, z, start, *, n_steps, score, relaxation, derivative):

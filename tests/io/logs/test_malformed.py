@@ -271,17 +271,17 @@ def test_a_log_broken_at_random_is_read_or_refused_by_name(tmp_path, kind, parqu
     errors, slowest = [], 0.0
     for _ in range(120):
         path = write(tmp_path, damaged(source, dice) if kind == "parquet" else mutated(source, dice), name)
-        begin = time.perf_counter()
+        begin = time.process_time()
         try:
             found = logs.read(path, form(values))
         except LogError as error:
             errors.append(str(error))
         else:
             assert all(np.isfinite(log.position).all() and np.all(np.diff(log.time) > 0) for log in found)
-        slowest = max(slowest, time.perf_counter() - begin)
+        slowest = max(slowest, time.process_time() - begin)
     assert all(error.startswith(f"{path.as_posix()}: ") for error in errors)
     assert 20 < len(errors) < 118
-    assert slowest < 0.5
+    assert slowest < 0.5  # s of the processor, which others may share
 
 
 def test_large_files_are_read_at_speed(tmp_path):
@@ -289,8 +289,8 @@ def test_large_files_are_read_at_speed(tmp_path):
     time_, position, speed, _ = drive(n, dt=0.01)
     columns = {"time": time_, "x": position[:, 0], "y": position[:, 1], "speed": speed}
     path = write(tmp_path, csv_text({k: v.tolist() for k, v in columns.items()}), "log.csv")
-    begin = time.perf_counter()
+    begin = time.process_time()
     (log,) = logs.read(path, form(PLAIN))
-    assert time.perf_counter() - begin < 1.0  # 0.05 s measured
+    assert time.process_time() - begin < 1.0  # 0.05 s measured
     assert log.n == n
     assert csv_table.load(path, path.read_bytes(), form=form(PLAIN)).names == ("time", "x", "y", "speed")
