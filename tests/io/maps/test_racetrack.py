@@ -171,14 +171,14 @@ def test_a_hundred_mutated_files_load_or_name_their_fault(tmp_path, form):
     maps.read(write(tmp_path, content))
     for _ in range(100):
         path.write_bytes(mutated(content, rng))
-        began, message = time.perf_counter(), f"{path}: line "
+        began, message = time.process_time(), f"{path}: line "
         try:
             graph = maps.read(path).graph
             assert all(np.all(np.isfinite(x)) for x in (graph.centre, graph.left, graph.right, graph.curvature))
         except MapError as error:
             refused, message = refused + 1, str(error)
         assert message.startswith(f"{path}: line ")
-        assert time.perf_counter() - began < 1.0
+        assert time.process_time() - began < 1.0
     assert 20 < refused < 95
 
 
