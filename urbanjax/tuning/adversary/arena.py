@@ -26,9 +26,7 @@ from urbanjax.tuning.spaces import Space, space
 from urbanjax.types import as_arrays, host_record, pytree
 
 PARTS = 3  # of each number's range, that tell failures apart
-STEP_CLIP = (
-    1e3  # greatest norm of what a step hands back to the one before: beyond what encounters give, short of overflow
-)
+STEP_CLIP = 1e3  # greatest norm of what a step hands back: beyond what encounters give, short of overflow
 CHUNK = 16  # drives at once: what any of the programs computes
 
 
