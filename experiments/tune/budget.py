@@ -23,9 +23,10 @@ NAMES = {"gradient": "gradient (Adam)", "cma_es": "CMA-ES", "tpe": "TPE", "rando
 FOLDER = "searches"
 CAPTION = (
     "An evaluation is {scenes} scenes of {horizon:g} s; a gradient counts as the {multiple:.2f} evaluations that it "
-    "costs, measured here. All searches draw their scenes from the same {pool}, others in each generation, and have "
-    "the same start, spread, bounds and transforms; they begin off the defaults, by {detuned:g} N(0, 1) in z. Scores "
-    "are of {fresh} scenes that none of them has seen, as deployed, of the point that the search stands by. Brackets: "
+    "costs, measured here. All searches draw their scenes from the same {pool}: others in each generation, but TPE and "
+    "random search, which compare all their points, once. They have the same start, spread, bounds and transforms, and "
+    "begin off the defaults, by {detuned:g} N(0, 1) in z. Scores are of {fresh} scenes that none of them has seen, as "
+    "deployed, of the point that the search stands by. Brackets: "
     "95 % bootstrap over {restarts} restarts, each with scenes, start and seed of its own; of medians, between order "
     "statistics"
 )

@@ -1,4 +1,4 @@
-"""A front of parameter sets between speed and everything else: one batch of searches, each with its own preference."""
+"""A front of parameter sets between speed and comfort: one batch of searches, each with its own preference."""
 
 import dataclasses
 from pathlib import Path
@@ -24,31 +24,35 @@ from urbanjax.rollout import LoopParams
 from urbanjax.types import as_arrays, host_record, with_values
 
 BEFORE, TAU = "before", "stack.behavior.gvp.tau"
-OBJECTIVES = {"speed": ("progress",), "calm": ("clearance", "road", "acceleration", "lateral", "jerk", "lane")}
+OBJECTIVES = {"speed": ("progress",), "comfort": ("acceleration", "lateral", "jerk", "discomfort")}
+GUARDED = {"room": ("clearance", "road", "lane")}  # counts as ever, whatever is preferred
 CAPTION = (
     "Terms of the score with their standard weights, of whole drives as deployed, which tuning has not seen: speed is "
-    "the mean speed over 10 m/s; calm is what is lost by nearness, the road's edge, accelerations and jerk, with its "
-    "sign. More is better in both. Front: nobody else of the tuned is better in both. Brackets: 95 %, whole roads drawn"
+    "the mean speed over 10 m/s; comfort is what is lost by accelerations and jerk, with its sign; room what is lost "
+    "by nearness, the edge of the road and the offset from the lane, whose weights no preference changes. More is "
+    "better in all. Front: of the tuned nobody else is as good in one of speed and comfort and better in the other; "
+    "equals count once. Brackets: 95 %, whole roads drawn; of collisions: Wilson's"
 )
 
 
 @host_record
 class FrontPoint:
-    """One parameter set in both objectives."""
+    """One parameter set in both objectives, and in what was guarded meanwhile."""
 
     name: str
     objectives: dict[str, WithInterval]
+    guarded: dict[str, WithInterval]
     at_fault: WithInterval  # share of drives with a collision at fault
 
 
 def preferences(params: ParetoParams, standard: ScoreParams) -> list[tuple[float, ScoreParams]]:
-    """The weight of speed relative to the standard score's, as a geometric series, and the scores that follow."""
-    low, high = float(params.least), float(params.most)
+    """Ratios of the weights of comfort and of speed to the standard score's, a geometric series, and their scores."""
     found = []
-    for ratio in np.geomspace(low, high, params.points).tolist():
-        speed, others = 2 * ratio / (1 + ratio), 2 / (1 + ratio)  # that all searches have slopes of one size
-        weights = {name: others * getattr(standard, name) for name in OBJECTIVES["calm"]}
-        found.append((ratio, dataclasses.replace(standard, progress=speed * standard.progress, **weights)))
+    for ratio in np.geomspace(float(params.least), float(params.most), params.points).tolist():
+        half = ratio**0.5  # so that slopes remain of one size
+        factors = {name: half for name in OBJECTIVES["comfort"]} | {name: 1 / half for name in OBJECTIVES["speed"]}
+        weights = {name: factor * getattr(standard, name) for name, factor in factors.items()}
+        found.append((ratio, dataclasses.replace(standard, **weights)))
     return found
 
 
@@ -62,6 +66,7 @@ def points(found: HeldBackDrives) -> list[FrontPoint]:
         FrontPoint(
             name,
             {objective: of(rows, names) for objective, names in OBJECTIVES.items()},
+            {term: of(rows, names) for term, names in GUARDED.items()},
             statistics.rate([row["competition_at_fault"] for row in rows]).percent,
         )
         for name, rows in found.rows.items()
@@ -69,9 +74,12 @@ def points(found: HeldBackDrives) -> list[FrontPoint]:
 
 
 def on_front(candidates: list[FrontPoint]) -> list[bool]:
-    """Whether no other candidate is better in one objective and not worse in the other one."""
+    """Whether nobody else is better in one objective and not worse in the other one, and nobody before is equal."""
     values = np.array([[point.objectives[name].value for name in OBJECTIVES] for point in candidates])
-    return [not any((other >= one).all() and (other > one).any() for other in values) for one in values]
+    return [
+        not any((other >= one).all() and ((other > one).any() or k < i) for k, other in enumerate(values) if k != i)
+        for i, one in enumerate(values)
+    ]
 
 
 def write(params: TuneStudy, run: Run) -> None:
@@ -81,7 +89,7 @@ def write(params: TuneStudy, run: Run) -> None:
     base = as_arrays(params.loop())
     sets = {BEFORE: base}
     for (ratio, _), z in zip(asked, each_best(found), strict=True):
-        name = f"speed x {ratio:.2g}"
+        name = f"comfort x {ratio:.2g}"
         sets[name] = as_arrays(found.search.space.params(jnp.asarray(z, jnp.float32), base))
         about = {"preference": name, "code": code_digest()}
         write_parameters(
@@ -96,6 +104,7 @@ def write(params: TuneStudy, run: Run) -> None:
     table = {
         "parameters": [point.name for point in every],
         **{name: [point.objectives[name].text(3) for point in every] for name in OBJECTIVES},
+        **{name: [point.guarded[name].text(3) for point in every] for name in GUARDED},
         "at-fault collision [%]": [point.at_fault.text() for point in every],
         "front": [report.cell(front[point.name]) if point.name in front else "-" for point in every],
     }
@@ -103,7 +112,7 @@ def write(params: TuneStudy, run: Run) -> None:
     run.table("front", table)
     run.summary(_summary(every, found, sum(front.values())))
     draw(every, list(taus), run.path("front.png"))
-    items = [report.Picture("Between speed and calm", run.path("front.png")), report.Table(CAPTION, table)]
+    items = [report.Picture("Between speed and comfort", run.path("front.png")), report.Table(CAPTION, table)]
     report.write_report(
         run.path("report.html"),
         "A front of parameters",
@@ -137,9 +146,13 @@ def draw(every: list[FrontPoint], taus: list[str], path: Path) -> None:
             centres = [[v.value for v in values] for values in (x, y)]
             axes.errorbar(*centres, yerr=spans[1], xerr=spans[0], fmt=line, **style)
             for point, a, b in zip(part, x, y, strict=True):
-                text = point.name.removeprefix("speed ") if kind != BEFORE else ""
+                text = point.name.removeprefix("comfort ") if kind != BEFORE else ""
                 axes.annotate(text, (a.value, b.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
-        axes.set(xlabel="speed: term of progress", ylabel="calm: all other terms", title="Held-back drives as deployed")
+        axes.set(
+            xlabel="speed: term of progress",
+            ylabel="comfort: accelerations and jerk",
+            title="Held-back drives as deployed",
+        )
         axes.legend(loc="lower left")
 
 
@@ -148,14 +161,14 @@ def _with_tau(base: LoopParams, tau: float) -> LoopParams:
 
 
 def _file(ratio: float) -> str:
-    return f"speed_{ratio:.2g}".replace(".", "p")
+    return f"comfort_{ratio:.2g}".replace(".", "p")
 
 
 def _summary(every: list[FrontPoint], found: Searched, count: int) -> dict[str, float]:
     out: dict[str, float] = {"front_points": float(count), "search_s": float(np.sum(found.seconds))}
     for point in every:
         name = point.name.replace(" ", "_")
-        for objective, value in point.objectives.items():
+        for objective, value in {**point.objectives, **point.guarded}.items():
             out |= value.flat(f"{name}_{objective}_score")
         out |= point.at_fault.flat(f"{name}_at_fault_percent")
     return out

@@ -56,11 +56,11 @@ class HeldBackParams:
 
 @pytree
 class ParetoParams:
-    """Preferences between speed and everything else."""
+    """Preferences between speed and comfort."""
 
     points: int = static(default=8, metadata={"range": (2, 1000)})
-    least: float = field(default=0.25, metadata=POSITIVE)  # weight of speed, relative to the standard score's
-    most: float = field(default=4.0, metadata=POSITIVE)
+    least: float = field(default=0.5, metadata=POSITIVE)  # comfort to speed, relative to the standard score's weights
+    most: float = field(default=64.0, metadata=POSITIVE)
     taus: tuple[float, ...] = static(default=(0.0, 0.25, 0.5, 0.75, 1.0))  # of the parameters before, beside them
 
 

@@ -123,7 +123,7 @@ def test_a_front_is_one_run(whole, tmp_path):
     found = summary_of(run)
     assert 1 <= found["front_points"] <= 2
     assert found["before_at_fault_percent"] == 0
-    assert len(list(run.directory.glob("speed_*.yaml"))) == 2
+    assert len(list(run.directory.glob("comfort_*.yaml"))) == 2
     assert run.path("report.html").exists()
 
 

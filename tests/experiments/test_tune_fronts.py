@@ -1,7 +1,5 @@
 """Fronts, and searches at equal cost: what is made of drives and searches that are made up."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -14,15 +12,19 @@ from urbanjax.evaluation.scores import ScoreParams
 from urbanjax.evaluation.statistics import WithInterval
 
 
-def point(name, speed, calm):
-    exact = [WithInterval(value, value - 0.1, value + 0.1) for value in (speed, calm)]
-    return FrontPoint(name, dict(zip(pareto.OBJECTIVES, exact, strict=True)), WithInterval(0.0, 0.0, 1.0))
+def point(name, speed, comfort):
+    exact = [WithInterval(value, value - 0.1, value + 0.1) for value in (speed, comfort)]
+    share = WithInterval(0.0, 0.0, 1.0)
+    return FrontPoint(
+        name, dict(zip(pareto.OBJECTIVES, exact, strict=True)), dict.fromkeys(pareto.GUARDED, share), share
+    )
 
 
 def test_whoever_is_beaten_in_both_is_not_on_the_front():
     found = [point("a", 1.0, -0.5), point("b", 0.8, -0.2), point("c", 0.7, -0.3), point("d", 1.0, -0.6)]
     assert pareto.on_front(found) == [True, True, False, False]
-    assert pareto.on_front([point("a", 1.0, 0.0)] * 2) == [True, True]
+    assert pareto.on_front([point("a", 1.0, 0.0)] * 3) == [True, False, False]
+    assert pareto.on_front([point("a", 1.0, -0.5), point("b", 1.0, -0.4)] * 2) == [False, True, False, False]
 
 
 def test_preferences_are_a_geometric_series_around_the_standard_score():
@@ -31,12 +33,15 @@ def test_preferences_are_a_geometric_series_around_the_standard_score():
     standard = ScoreParams()
     assert found[2][1] == standard
     for ratio, score in found:
-        assert score.progress / score.clearance == pytest.approx(ratio * standard.progress / standard.clearance)
-        assert dataclasses.replace(score, speed_scale=standard.speed_scale) == score
+        for term in pareto.OBJECTIVES["comfort"]:
+            asked = getattr(score, term) * standard.progress
+            assert asked == pytest.approx(ratio * getattr(standard, term) * score.progress)
+        for term in pareto.GUARDED["room"]:
+            assert getattr(score, term) == getattr(standard, term)
 
 
 def test_a_front_is_drawn(tmp_path):
-    every = [point(pareto.BEFORE, 0.9, -0.4), point("tau 0", 0.8, -0.3), point("speed x 1", 1.0, -0.35)]
+    every = [point(pareto.BEFORE, 0.9, -0.4), point("tau 0", 0.8, -0.3), point("comfort x 1", 1.0, -0.35)]
     pareto.draw(every, ["tau 0"], tmp_path / "front.png")
     assert (tmp_path / "front.png").stat().st_size > 10_000
 

@@ -142,6 +142,26 @@ def test_every_restart_minimises_a_score_of_its_own():
     np.testing.assert_allclose(final, np.outer([0.5, 1.0, 2.0], BEST) + 0.055, atol=0.08)
 
 
+@pytest.mark.parametrize(
+    ("optimiser", "anew"), [("gradient", True), ("cma_es", True), ("tpe", False), ("random", False)]
+)
+def test_scenes_are_drawn_anew_where_generations_are_not_compared(optimiser, anew):
+    found = search(optimiser=optimiser)
+    first, second = found._drawn(0), found._drawn(1)
+    assert np.array_equal(np.sort(first), np.sort(second)) != anew
+
+
+def test_a_front_ends_with_the_last_of_its_searches():
+    there, far = ScoreParams(progress=0.0), ScoreParams(progress=4.0)
+    asked = {"generations": 40, "patience": 2, "every": 2}
+    alone = search(scores=[there], **asked)
+    list(alone.run())
+    both = search(scores=[there, far], **asked)
+    list(both.run())
+    assert alone.generation < 30
+    assert both.generation == 40
+
+
 def test_risk_follows_the_worst_scenes():
     mean, worst = search(generations=80, scenes=12), search(generations=80, scenes=12, risk=0.1)
     for one in (mean, worst):

@@ -34,6 +34,7 @@ class Optimiser(abc.ABC):
     """
 
     needs_gradient: ClassVar[bool] = False  # whether `tell` takes gradients, which cost more than losses
+    compares_generations: ClassVar[bool] = False  # whether losses of different ones are, which then must be alike
 
     def __init__(self, start: Numbers, *, sigma: float, seed: int) -> None:
         """A search that has not begun.

@@ -9,6 +9,8 @@ from urbanjax.types.errors import TuningError
 class RandomSearch(Optimiser):
     """Points drawn from a normal distribution around the start; it learns nothing. The first is the start itself."""
 
+    compares_generations = True
+
     def __init__(self, start: Numbers, *, sigma: float, seed: int, population: int = 16) -> None:
         """See `Optimiser`. Args: start [P], sigma and seed, of `Optimiser`; population, points of a generation."""
         super().__init__(start, sigma=sigma, seed=seed)

@@ -21,6 +21,8 @@ class Tpe(Optimiser):
     not see that. The first point is the start. The study is kept in memory.
     """
 
+    compares_generations = True
+
     def __init__(self, start: Numbers, *, sigma: float, seed: int, startup: int = 10) -> None:
         """See `Optimiser`.
 

@@ -108,8 +108,11 @@ class Training:
         """Whether all generations are done, or the last validations have found nothing better."""
         if self.generation >= self.params.generations:
             return len(self.checks) > 0 and self.checks[-1].generation == self.generation
-        means = [check.losses.mean(-1).min() for check in self.checks]
-        return len(means) - 1 - int(np.argmin(means)) >= self.params.patience if means else False
+        if not self.checks:
+            return False
+        means = np.stack([check.losses.mean(-1) for check in self.checks])  # [C, K]
+        means = means.min(1, keepdims=True) if self.scores is None else means  # a front ends with its last search
+        return len(means) - 1 - int(np.argmin(means, axis=0).max()) >= self.params.patience
 
     def run(self) -> Iterator[Epoch]:
         """Every validation and generation as it is done, up to the end.
@@ -267,9 +270,10 @@ class Training:
         return rows
 
     def _drawn(self, generation: int) -> np.ndarray:
-        """Numbers of the scenes of a generation."""
+        """Numbers of the scenes of a generation: others each time, where the search does not compare generations."""
         there, count = len(self.learned.scenes), self.params.scenes
-        rng = np.random.default_rng([self.params.seed, LEARN, generation])
+        draw = 0 if self.optimiser.compares_generations else generation
+        rng = np.random.default_rng([self.params.seed, LEARN, draw])
         return rng.choice(there, min(count, there), replace=False)
 
     def _judged(self) -> tuple[np.ndarray, np.ndarray]:
