@@ -21,12 +21,15 @@ from urbanjax.types import ConfigError, as_arrays, host_record
 COLOURS = {"gradient": GOOD, "cma_es": BAD, "tpe": "#2c6fbb", "random": OTHER}
 NAMES = {"gradient": "gradient (Adam)", "cma_es": "CMA-ES", "tpe": "TPE", "random": "random search"}
 FOLDER = "searches"
+SHOWN = 6  # restarts drawn
+LEAST = 0.1  # of the score, that a picture goes below where searches begin; they may fall farther
 CAPTION = (
     "An evaluation is {scenes} scenes of {horizon:g} s; a gradient counts as the {multiple:.2f} evaluations that it "
     "costs, measured here. All searches draw their scenes from the same {pool}: others in each generation, but TPE and "
     "random search, which compare all their points, once. They have the same start, spread, bounds and transforms, and "
     "begin off the defaults, by {detuned:g} N(0, 1) in z. Scores are of {fresh} scenes that none of them has seen, as "
-    "deployed, of the point that the search stands by. Brackets: "
+    "deployed, of the point that the search stands by; dotted, what the better of CMA-ES and TPE stands by in the end. "
+    "Brackets: "
     "95 % bootstrap over {restarts} restarts, each with scenes, start and seed of its own; of medians, between order "
     "statistics"
 )
@@ -213,20 +216,24 @@ def _summary(curves: list[BudgetCurve], budget: BudgetParams) -> dict[str, Any]:
 
 
 def draw(curves: list[BudgetCurve], path: Path) -> None:
-    """Scores over cost and over seconds: every search thin, their median thick. Args: curves; path of the picture."""
-    with figure(path, 9.5, height=3.6) as canvas:
-        panels = canvas.subplots(1, 2, sharey=True)
-        for axes, column, label in zip(
-            panels, ("cost", "seconds"), ("cost [evaluations without gradient]", "time [s], warm"), strict=True
-        ):
-            for name in dict.fromkeys(one.optimiser for one in curves):
-                part = [one for one in curves if one.optimiser == name]
-                end = min(float(getattr(one, column)[-1]) for one in part)
-                grid = np.linspace(0, end, 60)
-                lines = np.stack([np.interp(grid, getattr(one, column), one.score) for one in part])
-                for line in lines:
-                    axes.plot(grid, line, color=COLOURS[name], lw=0.5, alpha=0.4)
-                axes.plot(grid, np.median(lines, axis=0), color=COLOURS[name], lw=2, label=NAMES[name])
-            axes.set(xlabel=label, xlim=(0, None))
-        panels[0].set(ylabel="score of fresh scenes", title="What the search stands by")
-        panels[1].legend(loc="lower right")
+    """Scores of each restart's searches over cost and over seconds. Args: curves; path of the picture."""
+    restarts = sorted({one.restart for one in curves})[:SHOWN]
+    axis = {"cost": "cost [evaluations without gradient]", "seconds": "time [s], warm"}
+    with figure(path, 2.4 * len(restarts) + 1.4, height=4.6) as canvas:
+        panels = canvas.subplots(len(axis), len(restarts), sharey="col", squeeze=False)
+        for restart, column in zip(restarts, panels.T, strict=True):
+            part = [one for one in curves if one.restart == restart]
+            for axes, name in zip(column, axis, strict=True):
+                for one in part:
+                    axes.plot(getattr(one, name), one.score, color=COLOURS[one.optimiser], label=NAMES[one.optimiser])
+                axes.axhline(_goal(curves, restart), color="k", lw=0.6, ls=":")
+                axes.set(xlim=(0, None))
+            best, start = (
+                find(one.score[0] if find is min else one.score.max() for one in part) for find in (max, min)
+            )
+            column[0].set(ylim=(start - max(best - start, LEAST), best + 0.1 * max(best - start, LEAST)))
+            column[0].set_title(f"restart {restart}")
+        for row, label in zip(panels, axis.values(), strict=True):
+            row[len(row) // 2].set_xlabel(label)
+            row[0].set_ylabel("score of fresh scenes")
+        panels[0, 0].legend(loc="lower right")
