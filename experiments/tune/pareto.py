@@ -42,6 +42,7 @@ class FrontPoint:
     name: str
     objectives: dict[str, WithInterval]
     guarded: dict[str, WithInterval]
+    gains: dict[str, WithInterval]  # in the objectives, over the parameters before, from the same starts
     at_fault: WithInterval  # share of drives with a collision at fault
 
 
@@ -58,15 +59,26 @@ def preferences(params: ParetoParams, standard: ScoreParams) -> list[tuple[float
 
 def points(found: HeldBackDrives) -> list[FrontPoint]:
     """Every parameter set in both objectives. Args: found, drives of all sets."""
+    first = found.rows[found.names[0]]
 
-    def of(rows: list[dict[str, Any]], names: tuple[str, ...]) -> WithInterval:
-        return statistics.mean([sum(row[f"score_{name}"] for name in names) for row in rows], groups=scenes(rows))
+    def term(rows: list[dict[str, Any]], names: tuple[str, ...]) -> list[float]:
+        return [sum(row[f"score_{name}"] for name in names) for row in rows]
+
+    def of(rows: list[dict[str, Any]], terms: dict[str, tuple[str, ...]]) -> dict[str, WithInterval]:
+        return {name: statistics.mean(term(rows, parts), groups=scenes(rows)) for name, parts in terms.items()}
+
+    def gains(rows: list[dict[str, Any]]) -> dict[str, WithInterval]:
+        return {
+            name: statistics.paired(term(rows, parts), term(first, parts), groups=scenes(first))
+            for name, parts in OBJECTIVES.items()
+        }
 
     return [
         FrontPoint(
             name,
-            {objective: of(rows, names) for objective, names in OBJECTIVES.items()},
-            {term: of(rows, names) for term, names in GUARDED.items()},
+            of(rows, OBJECTIVES),
+            of(rows, GUARDED),
+            gains(rows),
             statistics.rate([row["competition_at_fault"] for row in rows]).percent,
         )
         for name, rows in found.rows.items()
@@ -105,13 +117,14 @@ def write(params: TuneStudy, run: Run) -> None:
         "parameters": [point.name for point in every],
         **{name: [point.objectives[name].text(3) for point in every] for name in OBJECTIVES},
         **{name: [point.guarded[name].text(3) for point in every] for name in GUARDED},
+        **{f"{name} - {BEFORE}": [point.gains[name].text(3) for point in every] for name in OBJECTIVES},
         "at-fault collision [%]": [point.at_fault.text() for point in every],
         "front": [report.cell(front[point.name]) if point.name in front else "-" for point in every],
     }
     progress.show_table("front", table)
     run.table("front", table)
     run.summary(_summary(every, found, sum(front.values())))
-    draw(every, list(taus), run.path("front.png"))
+    draw(every, [name for name, there in front.items() if there], run.path("front.png"))
     items = [report.Picture("Between speed and comfort", run.path("front.png")), report.Table(CAPTION, table)]
     report.write_report(
         run.path("report.html"),
@@ -129,31 +142,36 @@ def each_best(found: Searched) -> np.ndarray:
     return z[losses.argmin(0), np.arange(losses.shape[1])]
 
 
-def draw(every: list[FrontPoint], taus: list[str], path: Path) -> None:
-    """All points with their intervals. Args: every; taus, names of those that differ in tau alone; path."""
-    kinds = {BEFORE: (BAD, "s"), "tau": (OTHER, "^"), "tuned": (GOOD, "o")}
+def draw(every: list[FrontPoint], front: list[str], path: Path) -> None:
+    """What all sets gain over the parameters before. Args: every; front, names of those on the front; path."""
+    kinds = {"tuned, by preference": (GOOD, "o"), "before, other values of tau": (OTHER, "^"), BEFORE: (BAD, "s")}
     with figure(path, 6.5, height=4.5) as canvas:
         axes = canvas.subplots()
-        for kind, (colour, marker) in kinds.items():
-            part = [p for p in every if kind == (BEFORE if p.name == BEFORE else "tau" if p.name in taus else "tuned")]
-            if not part:
-                continue
-            x, y = ([point.objectives[name] for point in part] for name in OBJECTIVES)
+        for number, (kind, (colour, marker)) in enumerate(kinds.items()):
+            part = [point for point in every if _kind(point.name) == number]
+            x, y = ([point.gains[name] for point in part] for name in OBJECTIVES)
             spans = [np.array([[v.value - v.low, v.high - v.value] for v in values]).T for values in (x, y)]
-            label = {"tau": "before, other values of tau", "tuned": "tuned, by preference"}.get(kind, kind)
-            style = {"color": colour, "elinewidth": 0.6, "ms": 5, "lw": 1, "label": label}
-            line = marker if kind == BEFORE else f"{marker}-"
-            centres = [[v.value for v in values] for values in (x, y)]
-            axes.errorbar(*centres, yerr=spans[1], xerr=spans[0], fmt=line, **style)
+            style = {"color": colour, "elinewidth": 0.6, "ms": 5, "label": kind}
+            if part:
+                axes.errorbar(
+                    [v.value for v in x], [v.value for v in y], xerr=spans[0], yerr=spans[1], fmt=marker, **style
+                )
             for point, a, b in zip(part, x, y, strict=True):
-                text = point.name.removeprefix("comfort ") if kind != BEFORE else ""
-                axes.annotate(text, (a.value, b.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
+                if number == 0:
+                    text = point.name.removeprefix("comfort ")
+                    axes.annotate(text, (a.value, b.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
+        order = sorted((point for point in every if point.name in front), key=lambda point: point.gains["speed"].value)
+        axes.plot(
+            *([point.gains[name].value for point in order] for name in OBJECTIVES), color=GOOD, lw=1, label="front"
+        )
         axes.set(
-            xlabel="speed: term of progress",
-            ylabel="comfort: accelerations and jerk",
-            title="Held-back drives as deployed",
+            xlabel=f"speed - {BEFORE}", ylabel=f"comfort - {BEFORE}", title="Held-back drives, from the same starts"
         )
         axes.legend(loc="lower left")
+
+
+def _kind(name: str) -> int:
+    return 2 if name == BEFORE else 1 if name.startswith("tau") else 0
 
 
 def _with_tau(base: LoopParams, tau: float) -> LoopParams:
@@ -170,5 +188,7 @@ def _summary(every: list[FrontPoint], found: Searched, count: int) -> dict[str, 
         name = point.name.replace(" ", "_")
         for objective, value in {**point.objectives, **point.guarded}.items():
             out |= value.flat(f"{name}_{objective}_score")
+        for objective, value in point.gains.items():
+            out |= value.flat(f"{name}_less_{BEFORE}_{objective}_score")
         out |= point.at_fault.flat(f"{name}_at_fault_percent")
     return out
