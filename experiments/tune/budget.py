@@ -29,9 +29,8 @@ CAPTION = (
     "random search, which compare all their points, once. They have the same start, spread, bounds and transforms, and "
     "begin off the defaults, by {detuned:g} N(0, 1) in z. Scores are of {fresh} scenes that none of them has seen, as "
     "deployed, of the point that the search stands by; dotted, what the better of CMA-ES and TPE stands by in the end. "
-    "Brackets: "
-    "95 % bootstrap over {restarts} restarts, each with scenes, start and seed of its own; of medians, between order "
-    "statistics"
+    "Brackets: 95 % bootstrap over {restarts} restarts, each with scenes, start and seed of its own; of medians, "
+    "between order statistics"
 )
 
 
@@ -228,10 +227,9 @@ def draw(curves: list[BudgetCurve], path: Path) -> None:
                     axes.plot(getattr(one, name), one.score, color=COLOURS[one.optimiser], label=NAMES[one.optimiser])
                 axes.axhline(_goal(curves, restart), color="k", lw=0.6, ls=":")
                 axes.set(xlim=(0, None))
-            best, start = (
-                find(one.score[0] if find is min else one.score.max() for one in part) for find in (max, min)
-            )
-            column[0].set(ylim=(start - max(best - start, LEAST), best + 0.1 * max(best - start, LEAST)))
+            start, best = part[0].score[0], max(one.score.max() for one in part)
+            span = max(best - start, LEAST)
+            column[0].set(ylim=(start - span, best + 0.1 * span))
             column[0].set_title(f"restart {restart}")
         for row, label in zip(panels, axis.values(), strict=True):
             row[len(row) // 2].set_xlabel(label)

@@ -24,6 +24,8 @@ from urbanjax.rollout import LoopParams
 from urbanjax.types import as_arrays, host_record, with_values
 
 BEFORE, TAU = "before", "stack.behavior.gvp.tau"
+TUNED, TAUS = "tuned, by preference", "before, other values of tau"
+STYLES = {TUNED: (GOOD, "o"), TAUS: (OTHER, "^"), BEFORE: (BAD, "s")}
 OBJECTIVES = {"speed": ("progress",), "comfort": ("acceleration", "lateral", "jerk", "discomfort")}
 GUARDED = {"room": ("clearance", "road", "lane")}  # counts as ever, whatever is preferred
 CAPTION = (
@@ -111,8 +113,9 @@ def write(params: TuneStudy, run: Run) -> None:
     with progress.bar("testing") as tick:
         result = tested.tested(params.tested, {**sets, **taus}, score=params.score, tick=tick)
     every = points(result)
-    tuned = [point for point in every if point.name not in (BEFORE, *taus)]
-    front = dict(zip([point.name for point in tuned], on_front(tuned), strict=True))
+    kinds = {BEFORE: BEFORE, **dict.fromkeys(taus, TAUS)}
+    groups = {kind: [point for point in every if kinds.get(point.name, TUNED) == kind] for kind in STYLES}
+    front = {point.name: there for point, there in zip(groups[TUNED], on_front(groups[TUNED]), strict=True)}
     table = {
         "parameters": [point.name for point in every],
         **{name: [point.objectives[name].text(3) for point in every] for name in OBJECTIVES},
@@ -124,7 +127,7 @@ def write(params: TuneStudy, run: Run) -> None:
     progress.show_table("front", table)
     run.table("front", table)
     run.summary(_summary(every, found, sum(front.values())))
-    draw(every, [name for name, there in front.items() if there], run.path("front.png"))
+    draw(groups, [point for point in groups[TUNED] if front[point.name]], run.path("front.png"))
     items = [report.Picture("Between speed and comfort", run.path("front.png")), report.Table(CAPTION, table)]
     report.write_report(
         run.path("report.html"),
@@ -142,36 +145,32 @@ def each_best(found: Searched) -> np.ndarray:
     return z[losses.argmin(0), np.arange(losses.shape[1])]
 
 
-def draw(every: list[FrontPoint], front: list[str], path: Path) -> None:
-    """What all sets gain over the parameters before. Args: every; front, names of those on the front; path."""
-    kinds = {"tuned, by preference": (GOOD, "o"), "before, other values of tau": (OTHER, "^"), BEFORE: (BAD, "s")}
+def draw(groups: dict[str, list[FrontPoint]], front: list[FrontPoint], path: Path) -> None:
+    """What all sets gain over the parameters before. Args: groups, sets by STYLES; front, those on it; path."""
     with figure(path, 6.5, height=4.5) as canvas:
         axes = canvas.subplots()
-        for number, (kind, (colour, marker)) in enumerate(kinds.items()):
-            part = [point for point in every if _kind(point.name) == number]
-            x, y = ([point.gains[name] for point in part] for name in OBJECTIVES)
-            spans = [np.array([[v.value - v.low, v.high - v.value] for v in values]).T for values in (x, y)]
-            style = {"color": colour, "elinewidth": 0.6, "ms": 5, "label": kind}
-            if part:
+        for kind, part in groups.items():
+            colour, marker = STYLES[kind]
+            style: dict[str, Any] = {"color": colour, "elinewidth": 0.6, "ms": 5, "ls": "", "marker": marker}
+            for number, point in enumerate(part):
+                x, y = (point.gains[name] for name in OBJECTIVES)
+                spans = ([[one.value - one.low], [one.high - one.value]] for one in (x, y))
                 axes.errorbar(
-                    [v.value for v in x], [v.value for v in y], xerr=spans[0], yerr=spans[1], fmt=marker, **style
+                    x.value,
+                    y.value,
+                    **dict(zip(("xerr", "yerr"), spans, strict=True)),
+                    **style,
+                    label=None if number else kind,
                 )
-            for point, a, b in zip(part, x, y, strict=True):
-                if number == 0:
+                if kind == TUNED:
                     text = point.name.removeprefix("comfort ")
-                    axes.annotate(text, (a.value, b.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
-        order = sorted((point for point in every if point.name in front), key=lambda point: point.gains["speed"].value)
-        axes.plot(
-            *([point.gains[name].value for point in order] for name in OBJECTIVES), color=GOOD, lw=1, label="front"
-        )
-        axes.set(
-            xlabel=f"speed - {BEFORE}", ylabel=f"comfort - {BEFORE}", title="Held-back drives, from the same starts"
-        )
+                    axes.annotate(text, (x.value, y.value), xytext=(4, 4), textcoords="offset points", fontsize=7)
+        order = sorted(front, key=lambda point: point.gains["speed"].value)
+        line = [[point.gains[name].value for point in order] for name in OBJECTIVES]
+        axes.plot(*line, color=GOOD, lw=1, label="front")
+        labels = {f"{axis}label": f"{name} - {BEFORE}" for axis, name in zip("xy", OBJECTIVES, strict=True)}
+        axes.set(**labels, title="Held-back drives, from the same starts")
         axes.legend(loc="lower left")
-
-
-def _kind(name: str) -> int:
-    return 2 if name == BEFORE else 1 if name.startswith("tau") else 0
 
 
 def _with_tau(base: LoopParams, tau: float) -> LoopParams:

@@ -39,8 +39,12 @@ def test_preferences_are_a_geometric_series_around_the_standard_score():
 
 
 def test_a_front_is_drawn(tmp_path):
-    every = [point(pareto.BEFORE, 0.9, -0.4), point("tau 0", 0.8, -0.3), point("comfort x 1", 1.0, -0.35)]
-    pareto.draw(every, ["comfort x 1"], tmp_path / "front.png")
+    groups = {
+        pareto.TUNED: [point("comfort x 1", 1.0, -0.35), point("comfort x 2", 0.8, -0.4)],
+        pareto.TAUS: [point("tau 0", 0.8, -0.3)],
+        pareto.BEFORE: [point(pareto.BEFORE, 0.9, -0.4)],
+    }
+    pareto.draw(groups, groups[pareto.TUNED][:1], tmp_path / "front.png")
     assert (tmp_path / "front.png").stat().st_size > 10_000
 
 
