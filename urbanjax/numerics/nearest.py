@@ -9,6 +9,7 @@ from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 from urbanjax.numerics import tree as trees
+from urbanjax.numerics.once import once
 from urbanjax.numerics.selection import smallest, tagged, untagged
 from urbanjax.numerics.tree import FAN, Tree, at
 from urbanjax.types import pytree
@@ -155,10 +156,12 @@ def between(own: Float[Array, "g d f"], others: Float[Array, "g v d h"]) -> Floa
 
     Args: own [G, d, f], points; others [G, V, d, H], points.
     """
-    g, d, f = own.shape
+    g, d, _ = own.shape
     own = jnp.where(jnp.isfinite(own), own, 0)
-    gaps = [own[:, i, :, None, None] - others[:, None, :, i] for i in range(d)]
-    return sum((gap * gap for gap in gaps[1:]), gaps[0] * gaps[0]).reshape(g, f, -1)
+    # All points looked at in one row, else no loop over them is one of vector operations.
+    rows = once(*(others[:, :, i].reshape(g, -1) for i in range(d)))
+    gaps = [own[:, i, :, None] - rows[i][:, None] for i in range(d)]
+    return sum((gap * gap for gap in gaps[1:]), gaps[0] * gaps[0])
 
 
 def _closest(squared: Float[Array, "g f c"], k: int) -> tuple[list[Array], list[Array]]:

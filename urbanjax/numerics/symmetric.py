@@ -50,8 +50,13 @@ def determinant(s: Float[Array, "6 *n"]) -> Float[Array, "*n"]:
 
 def inverse(s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
     """The inverses by the adjugate; 0 where the determinant is 0. Args: s [6, *n]."""
+    return adjugate(s) * safe.divide(jnp.ones_like(s[0]), determinant(s))[None]
+
+
+def adjugate(s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
+    """The adjugates: the inverses times the determinants. Args: s [6, *n]."""
     xx, xy, xz, yy, yz, zz = s
-    adjugate = jnp.stack(
+    return jnp.stack(
         [
             yy * zz - yz * yz,
             xz * yz - xy * zz,
@@ -61,7 +66,6 @@ def inverse(s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:
             xx * yy - xy * xy,
         ]
     )
-    return adjugate * safe.divide(jnp.ones_like(xx), determinant(s))[None]
 
 
 def congruence(r: Float[Array, "3 3"], s: Float[Array, "6 *n"]) -> Float[Array, "6 *n"]:

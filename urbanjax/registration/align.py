@@ -9,25 +9,24 @@ import jax.numpy as jnp
 import jaxlie
 from jax import Array, lax
 
-from urbanjax.numerics import safe
 from urbanjax.registration.correspond import correspond
 from urbanjax.registration.covariance import CovarianceParams, covariance
 from urbanjax.registration.distributions import DistributionMap
 from urbanjax.registration.linear import (
-    Correspondences,
     FactorParams,
     Rigid,
     System,
-    held_cost,
+    change,
+    displacement,
     linearise,
-    pairs_of,
 )
-from urbanjax.registration.points import PointCloud
+from urbanjax.registration.points import PointCloud, thinned
 from urbanjax.types import Status, pytree, static
 
 # Units in the last place by which a step may raise the cost: near the minimum it is flat, and what rounding adds is no
 # reason to refuse a step.
 ROUNDING = 16
+FEW = 1000  # points from which on a share of them is looked at first
 
 
 @pytree
@@ -42,6 +41,7 @@ class AlignParams:
     damping_factor: float = 10.0  # by which it changes
     neighbours: int = static(default=1, metadata={"choices": (1, 7, 27)})  # voxels that a point may belong to
     max_iterations: int = static(default=20)
+    coarse: int = static(default=8)  # of so many points one is looked at, until all of them are (not with ndt)
 
 
 @pytree
@@ -50,7 +50,7 @@ class Alignment:
 
     pose: jaxlie.SE3  # T_map_body, the only field with a derivative
     converged: Array  # [] bool; never without a correspondence
-    iterations: Array  # [] int32
+    iterations: Array  # [] int32, with all points
     inliers: Array  # [] number of points with a correspondence
     inlier_share: Array  # [] of the valid points
     matching_error: Array  # [] m, mean distance from the corresponding means (Eq. 1); 0 without inliers
@@ -79,10 +79,9 @@ def align(
     begin = Rigid(start.rotation().as_matrix(), start.translation() - target.origin)
     search = _search(*lax.stop_gradient((source, target, begin, params)))
     pose = _implicit(search.pose, source, target, params)
-    at, near = search.system, search.near
-    distance = safe.sqrt(jnp.sum(at.residual**2, axis=0))
-    inliers = jnp.sum(near, dtype=distance.dtype)
-    total = jnp.maximum(jnp.sum(source.valid, dtype=distance.dtype), 1)
+    at, dtype = search.system, source.position.dtype
+    inliers = jnp.sum(at.near, dtype=dtype)
+    total = jnp.maximum(jnp.sum(source.valid, dtype=dtype), 1)
     rotation = jaxlie.SO3.from_matrix(pose.rotation)
     return Alignment(
         pose=jaxlie.SE3.from_rotation_and_translation(rotation, pose.translation + target.origin),
@@ -90,7 +89,7 @@ def align(
         iterations=search.iterations,
         inliers=inliers,
         inlier_share=inliers / total,
-        matching_error=jnp.sum(jnp.where(near, distance, 0)) / jnp.maximum(inliers, 1),
+        matching_error=jnp.sum(jnp.sqrt(jnp.where(at.near, at.apart, 0))) / jnp.maximum(inliers, 1),
         cost=at.cost,
         gradient=at.gradient,
         hessian=at.hessian,
@@ -116,12 +115,6 @@ def align_starts(
     return lax.map(lambda start: align(source, target, start=start, params=params), starts, batch_size=at_once)
 
 
-def _pairing(pose: Rigid, source: PointCloud, target: DistributionMap, params: AlignParams) -> Correspondences:
-    away = lax.stop_gradient(pose.move(source.position))
-    slot = correspond(target, away, valid=source.valid, neighbours=params.neighbours)
-    return pairs_of(target, slot, away=away, params=params.factor)
-
-
 @pytree
 class _Search:
     """What the loop carries."""
@@ -131,40 +124,33 @@ class _Search:
     iterations: Array
     converged: Array
     system: System  # of the last iteration
-    near: Array  # [N] bool, likewise
 
 
 def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: AlignParams) -> _Search:
-    """The loop: linearise, step, and damp more where the step did not lower the cost. Not differentiated."""
-    n, dtype = source.valid.shape[0], start.translation.dtype
+    """The loop, with a share of the points until those have nothing more to say, and then with all of them.
+
+    With `ndt` with all of them at once: it creeps to its answer, and stops elsewhere where a share has led it.
+    """
+    now = _begin(start, source, params)
+    enough = source.valid.shape[0] >= FEW * params.coarse > FEW
+    if enough and params.max_iterations > 1 and target.method != "ndt":
+        few = thinned(source, params.coarse)
+        limit = jnp.where(jnp.sum(few.valid) >= FEW, params.max_iterations // 2, 0)
+        rough = _descend(few, target, _begin(start, few, params), params, limit=limit)
+        now = now.replace(pose=rough.pose)
+    return _descend(source, target, now, params, limit=params.max_iterations)
+
+
+def _begin(pose: Rigid, source: PointCloud, params: AlignParams) -> _Search:
+    """The state of the loop before it."""
+    n, dtype = source.valid.shape[0], pose.translation.dtype
     eye = jnp.eye(6, dtype=dtype)
-
-    def unfinished(now: _Search) -> Array:
-        return (now.iterations < params.max_iterations) & ~now.converged
-
-    def iterate(now: _Search) -> _Search:
-        pairs = _pairing(now.pose, source, target, params)
-        at = linearise(now.pose, source, pairs=pairs, target=target, params=params.factor)
-        twist = -jnp.linalg.solve(at.hessian + now.damping * eye, at.gradient)
-        trial = now.pose.step(twist)
-        cost = held_cost(trial, at, before=now.pose, source=source, pairs=pairs)
-        better = cost <= at.cost * (1 + ROUNDING * jnp.finfo(dtype).eps)
-        rotation, translation = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
-        small = (rotation <= params.rotation_tolerance**2) & (translation <= params.translation_tolerance**2)
-        return _Search(
-            pose=jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, now.pose),
-            damping=now.damping * jnp.where(better, 1 / params.damping_factor, params.damping_factor),
-            iterations=now.iterations + 1,
-            converged=better & small,
-            system=at,
-            near=pairs.near,
-        )
 
     def nothing(*shape: int) -> Array:
         return jnp.zeros(shape, dtype)
 
-    first = _Search(
-        pose=start,
+    return _Search(
+        pose=pose,
         damping=jnp.asarray(params.damping, dtype),
         iterations=jnp.asarray(0, jnp.int32),
         converged=jnp.asarray(False),
@@ -173,13 +159,41 @@ def _search(source: PointCloud, target: DistributionMap, start: Rigid, params: A
             gradient=nothing(6),
             cost=nothing(),
             isotropic=eye,
-            residual=nothing(3, n),
-            information=nothing(6, n),
-            weight=nothing(n),
+            sums=nothing(10, 10),
+            pulled=nothing(3, n),
+            near=jnp.zeros(n, bool),
+            apart=nothing(n),
         ),
-        near=jnp.zeros(n, bool),
     )
-    return lax.while_loop(unfinished, iterate, first)
+
+
+def _descend(
+    source: PointCloud, target: DistributionMap, begin: _Search, params: AlignParams, *, limit: int | Array
+) -> _Search:
+    """The loop: linearise, step, and damp more where the step did not lower the cost. Not differentiated."""
+    dtype = begin.pose.translation.dtype
+    eye = jnp.eye(6, dtype=dtype)
+
+    def unfinished(now: _Search) -> Array:
+        return (now.iterations < limit) & ~now.converged
+
+    def iterate(now: _Search) -> _Search:
+        slot = correspond(target, now.pose.move(source.position), valid=source.valid, neighbours=params.neighbours)
+        at = linearise(now.pose, source, slot=slot, target=target, params=params.factor)
+        twist = -jnp.linalg.solve(at.hessian + now.damping * eye, at.gradient)
+        trial = now.pose.step(twist)
+        better = change(at, displacement(twist)) <= at.cost * ROUNDING * jnp.finfo(dtype).eps
+        rotation, translation = jnp.sum(twist[:3] ** 2), jnp.sum(twist[3:] ** 2)
+        small = (rotation <= params.rotation_tolerance**2) & (translation <= params.translation_tolerance**2)
+        return _Search(
+            pose=jax.tree.map(lambda new, old: jnp.where(better, new, old), trial, now.pose),
+            damping=now.damping * jnp.where(better, 1 / params.damping_factor, params.damping_factor),
+            iterations=now.iterations + 1,
+            converged=better & small,
+            system=at,
+        )
+
+    return lax.while_loop(unfinished, iterate, begin)
 
 
 @jax.custom_jvp
@@ -195,12 +209,10 @@ def _implicit(pose: Rigid, source: PointCloud, target: DistributionMap, params: 
 @_implicit.defjvp
 def _implicit_jvp(primals: tuple, tangents: tuple) -> tuple[Rigid, Rigid]:
     pose, source, target, params = primals
-    away = pose.move(source.position)
-    slot = correspond(target, away, valid=source.valid, neighbours=params.neighbours)
+    slot = correspond(target, pose.move(source.position), valid=source.valid, neighbours=params.neighbours)
 
     def force(twist: Array, source: PointCloud, target: DistributionMap, params: AlignParams) -> Array:
-        pairs = pairs_of(target, slot, away=away, params=params.factor)
-        return linearise(pose.step(twist), source, pairs=pairs, target=target, params=params.factor).gradient
+        return linearise(pose.step(twist), source, slot=slot, target=target, params=params.factor).gradient
 
     zero = jnp.zeros(6, pose.translation.dtype)
     slope = jax.jacfwd(lambda twist: force(twist, source, target, params))(zero)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Bool, Float, Int
 
+from urbanjax.numerics.once import once
 from urbanjax.registration.distributions import DistributionMap, cell_of, index_of, within
 
 _AXES = ((0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
@@ -27,7 +28,9 @@ def correspond(
     def numbered(offset: tuple[int, int, int]) -> Array:
         near = cell + jnp.array(offset, jnp.int32)[:, None]
         inside = valid & within(near, target.shape)
-        return jnp.where(inside, target.table[jnp.where(inside, index_of(near, target.shape), 0)], nothing)
+        # Apart from the look-up, which is no vector operation on a CPU, and would make none of what it takes in.
+        place, inside = once(jnp.where(inside, index_of(near, target.shape), 0), inside.astype(jnp.int32))
+        return jnp.where(inside > 0, target.table.at[place].get(mode="promise_in_bounds"), nothing)
 
     lists = target.lists
     if neighbours == 1 and lists is None:

@@ -11,6 +11,8 @@ from urbanjax.numerics import symmetric
 from urbanjax.types import CloudError, pytree
 from urbanjax.types.arguments import array, traced
 
+GOLDEN = (np.sqrt(5) - 1) / 2
+
 
 @pytree
 class PointCloud:
@@ -84,3 +86,14 @@ def cloud(
         normal=jnp.zeros((3, n), position.dtype),
         valid=there,
     )
+
+
+def thinned(points: PointCloud, every: int) -> PointCloud:
+    """One of `every` points, not always the same one of them: what repeats itself in their order does not matter.
+
+    Args: points, the cloud; every, at least 1.
+    """
+    n = -(-points.valid.shape[0] // every)
+    group = np.arange(n)
+    index = np.minimum(group * every + np.floor(every * (group * GOLDEN % 1)).astype(int), points.valid.shape[0] - 1)
+    return PointCloud(*(x[..., index] for x in (points.position, points.covariance, points.normal, points.valid)))
