@@ -67,17 +67,26 @@ def plan(
     fan = generate(line, state, grid=params.grid)
     terms = weighted_terms(fan, desired_speed, params=params)
     reasons = broken(fan, prediction, vehicle=driving.vehicle, grid=params.grid, limits=params.limits)
+    terms, reasons = lax.optimization_barrier((terms, reasons))  # else all that terms are made of is summed anew
     cost = jnp.sum(terms, axis=0) + params.infeasible * jnp.sum(reasons, axis=0)
     flat, values = cost.reshape(-1), fan.values.reshape(len(FIELDS), -1, fan.values.shape[-1])
     chosen = jnp.argmin(flat)
     if relaxation.mode == "hard":
-        taken = values[:, chosen]
+        taken = _candidate(fan.values, chosen)
     else:
         taken = jnp.einsum(
             "j,fjt->ft", soft.choose(flat, relaxation, scale=params.choice_scale), values, precision="highest"
         )
     feasible = ~jnp.any(reasons.reshape(reasons.shape[0], -1)[:, chosen])
     return FrenetPlan(taken, terms, cost, reasons, chosen, feasible)
+
+
+def _candidate(values: Float[Array, "f d v n t"], which: Array) -> Float[Array, "f t"]:
+    """One candidate, cut from the array as it lies in memory: else the slice counts as all of it, and wakes threads."""
+    *_, v, n, t = values.shape
+    place = which // (v * n), which // n % v, which % n * t
+    rows = values.reshape(*values.shape[:3], n * t)
+    return lax.dynamic_slice(rows, (0, *place), (values.shape[0], 1, 1, t)).reshape(-1, t)
 
 
 def plans(
