@@ -1,5 +1,6 @@
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from urbanjax.numerics import lean
@@ -47,3 +48,18 @@ def test_the_derivative_goes_to_what_was_broadcast(function):
     taken = larger if function is lean.maximum else 1 - larger
     assert by_column[:, 0].tolist() == jnp.sum(taken, axis=1).tolist()
     assert by_row[0].tolist() == jnp.sum(1 - taken, axis=0).tolist()
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (3, 40), (2, 3, 5)])
+def test_the_first_least_entry_is_that_of_jax(shape):
+    x = np.random.default_rng(0).integers(0, 4, shape).astype(np.float32)  # of ties there are many
+    for each in (x, np.where(x > 1, np.inf, x), np.full(shape, np.inf, np.float32)):
+        found = lean.argmin(jnp.asarray(each))
+        np.testing.assert_array_equal(found, jnp.argmin(each, axis=-1))
+        assert found.dtype == jnp.int32
+
+
+def test_the_first_least_entry_of_sums_is_found_however_they_are_compiled():
+    a, b, c = (jnp.asarray(x, jnp.float32) for x in np.random.default_rng(1).normal(size=(3, 500, 60)))
+    found = jax.jit(lambda a, b, c: lean.argmin(a * b + c))(a, b, c)
+    np.testing.assert_array_equal(found, jax.jit(lambda a, b, c: jnp.argmin(a * b + c, axis=-1))(a, b, c))

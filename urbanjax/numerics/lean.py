@@ -115,6 +115,14 @@ _at_least, _at_most = _beside_number(jnp.maximum, operator.ge), _beside_number(j
 _greater, _smaller = _of_two(jnp.maximum, operator.ge), _of_two(jnp.minimum, operator.le)
 
 
+def argmin(x: Num[Array, "*b n"]) -> Int[Array, "*b"]:
+    """`jnp.argmin` over the last axis, several times as fast on a CPU. Args: x [*b, n], none of it nan."""
+    # As it stands in memory: computed anew for each use, with different rounding, the least would not be found.
+    x = lax.optimization_barrier(lax.stop_gradient(x))
+    number = lax.broadcasted_iota(jnp.int32, x.shape, x.ndim - 1)
+    return jnp.min(jnp.where(x <= jnp.min(x, axis=-1, keepdims=True), number, x.shape[-1] - 1), axis=-1)
+
+
 def running_sum(x: Float[Array, "*b n"]) -> Float[Array, "*b m"]:
     """Sums of the first 0 .. n of a few entries: as a product, where `jnp.cumsum` becomes several loops on a CPU.
 

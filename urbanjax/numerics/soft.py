@@ -72,7 +72,7 @@ def choose(
     big = float(jnp.finfo(cost.dtype).max) / 4  # sums and differences of it stay finite
 
     def first() -> Array:
-        return jax.nn.one_hot(jnp.argmin(_masked(cost, mask, big), axis=-1), cost.shape[-1], dtype=cost.dtype)
+        return jax.nn.one_hot(lean.argmin(_masked(cost, mask, big)), cost.shape[-1], dtype=cost.dtype)
 
     def smooth() -> Array:
         # Masked after the division, which would overflow and leave no finite derivative by the temperature.

@@ -16,6 +16,7 @@ from urbanjax.numerics.kept import kept
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.numerics.tiles import in_tiles
 from urbanjax.planning.clearance import ClearanceParams, Ego, Others, Passage, ego_at, gaps, gaps_between, unit_vector
+from urbanjax.planning.least import least_gap
 from urbanjax.types import Prediction, pytree
 from urbanjax.vehicle.driving import Driving
 
@@ -64,8 +65,10 @@ def nearest(
 
 @jax.custom_jvp
 def _nearest(meeting: Meeting) -> Array:
-    valued = _valued(meeting)
-    return soft.minimum(valued.all_gaps(), valued.driving.relaxation, scale=valued.driving.params.gap_scale)
+    relaxation, params = meeting.driving.relaxation, meeting.driving.params
+    if relaxation.mode != "soft":
+        return least_gap(meeting.passage, meeting.driving, prediction=meeting.prediction, ignored=meeting.ignored)
+    return soft.minimum(meeting.all_gaps(), relaxation, scale=params.gap_scale)
 
 
 def _valued(meeting: Meeting) -> Meeting:

@@ -1,5 +1,6 @@
 """Which lane a pose is on: the only place that finds a lane."""
 
+import functools
 from typing import ClassVar
 
 import jax
@@ -71,7 +72,7 @@ def locate(
     station, distance, angle = jax.lax.stop_gradient(_nearest(graph, links, position))
     cost = distance + _heading_cost(safe.wrap_angle(heading[:, None] - angle), params)
     cost = cost + jnp.take_along_axis(penalty, links, axis=1)
-    best = jnp.argmin(jnp.where(graph.valid[links], cost, FAR), axis=1)[:, None]
+    best = lean.argmin(jnp.where(graph.valid[links], cost, FAR))[:, None]
     link, guess = (jnp.take_along_axis(x, best, axis=1)[:, 0] for x in (links, station))
     at = project(graph, link, guess=guess, position=position)
     valid = graph.valid[link] & (at.distance < params.max_distance)
@@ -137,7 +138,7 @@ def follow(
     cost = distance + _heading_cost(safe.wrap_angle(heading - angle), params)
     aside = jnp.zeros(len(links), bool).at[1:3].set(True)  # the second and third of `links`
     cost = cost[0] + jnp.where(aside, params.hysteresis, 0.0)
-    return links[jnp.argmin(jnp.where(exists, cost, FAR))].astype(jnp.int32)
+    return links[lean.argmin(jnp.where(exists, cost, FAR))].astype(jnp.int32)
 
 
 def misfit(
@@ -184,19 +185,22 @@ def _coarse(graph: RoadGraph, position: Array, heading: Array, params: LocatePar
     """Distance [m] to the chords of each link, with the heading's cost; large for links that do not count."""
     last = graph.centre.shape[1] - 1
     corner = graph.centre[:, jnp.array([round(last * k / params.chords) for k in range(params.chords + 1)])]
-    start, chord = corner[:, :-1], corner[:, 1:] - corner[:, :-1]
-    size = jnp.maximum(jnp.sum(chord * chord, axis=-1), TINY)[None]
-    direction = chord / jnp.sqrt(size[0])[..., None]
-    cos = (
-        jnp.cos(heading)[:, None, None] * direction[None, ..., 0]
-        + jnp.sin(heading)[:, None, None] * direction[None, ..., 1]
-    )
-    x, y = (position[:, None, None, i] - start[None, ..., i] for i in range(2))
-    dx, dy = chord[None, ..., 0], chord[None, ..., 1]
-    t = jnp.clip((x * dx + y * dy) / size, 0, 1)
-    distance = jnp.sqrt((x - t * dx) ** 2 + (y - t * dy) ** 2)
-    against = jnp.where(cos < jnp.cos(params.heading_gate), params.heading_penalty, 0)
-    cost = jnp.min(distance + against + 2 * params.heading_weight * (1 - cos), axis=-1)
+    (x, y), (cos, sin) = position.T[..., None], jnp.stack([jnp.cos(heading), jnp.sin(heading)])[..., None]
+
+    def to_chord(k: int) -> Array:
+        """Distance to a chord of each link, and what the heading costs there."""
+        (start_x, start_y), (dx, dy) = corner[:, k].T, (corner[:, k + 1] - corner[:, k]).T
+        size = jnp.maximum(dx * dx + dy * dy, TINY)
+        along, aside = dx / jnp.sqrt(size), dy / jnp.sqrt(size)
+        turned = cos * along[None] + sin * aside[None]
+        to_x, to_y = x - start_x[None], y - start_y[None]
+        t = lean.clip((to_x * dx[None] + to_y * dy[None]) / size[None], 0.0, 1.0)
+        distance = jnp.sqrt((to_x - t * dx[None]) ** 2 + (to_y - t * dy[None]) ** 2)
+        against = jnp.where(turned < jnp.cos(params.heading_gate), params.heading_penalty, 0)
+        return distance + against + 2 * params.heading_weight * (1 - turned)
+
+    # Chord by chord: with an axis of few entries at the end of the arrays it would take many times as long.
+    cost = functools.reduce(jnp.minimum, (to_chord(k) for k in range(params.chords)))
     return jax.lax.stop_gradient(jnp.where(graph.valid[None], cost, FAR))
 
 
@@ -207,7 +211,7 @@ def _nearest(graph: RoadGraph, links: Int[Array, "n k"], position: Array) -> tup
     to_x, to_y = position[:, None, None, 0] - x[..., :-1], position[:, None, None, 1] - y[..., :-1]
     t = jnp.clip((to_x * dx + to_y * dy) / jnp.maximum(dx * dx + dy * dy, TINY), 0, 1)
     square = (to_x - t * dx) ** 2 + (to_y - t * dy) ** 2
-    segment = jnp.argmin(square, axis=-1).astype(jnp.int32)
+    segment = lean.argmin(square)
     t, square = (jnp.take_along_axis(each, segment[..., None], axis=-1)[..., 0] for each in (t, square))
     n_points = x.shape[-1]
     angle, first = graph.heading.reshape(-1), links * n_points + segment

@@ -97,7 +97,7 @@ def progress(corridor: Corridor, position: Float[Array, "2"], *, heading: Float[
     x, y = position
     miss = (x - corridor.position[:, 0]) ** 2 + (y - corridor.position[:, 1]) ** 2
     miss = miss + LATER * (corridor.station - corridor.station[0])
-    k = jnp.argmin(miss + AGAINST * (1 - jnp.cos(heading - corridor.heading)))
+    k = lean.argmin(miss + AGAINST * (1 - jnp.cos(heading - corridor.heading)))
     reach = REACH * corridor.spacing  # off a bend's inner side Newton's method may not run away along the road
     station = corridor.station[k]
     low = jnp.where(k == 0, -jnp.inf, station - reach)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.numerics import soft
+from urbanjax.numerics import lean, safe, soft
 from urbanjax.numerics.kept import kept
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.types import pytree
@@ -30,11 +30,28 @@ def layered_search(
     Returns: value; node weights [S, M], each row summing to 1; edge weights [S-1, M, M].
     """
     if relaxation.mode == "hard":
-        return searched(
-            start_cost, edge_cost, relaxation=relaxation.replace(temperature=relaxation.temperature * scale)
-        )[0]
+        return _cheapest(start_cost, edge_cost)
     temperature = jnp.asarray(relaxation.temperature * scale, edge_cost.dtype)
     return _relaxed(start_cost, edge_cost, temperature, relaxation.mode)
+
+
+def _cheapest(start_cost: Array, edge_cost: Array) -> tuple[Array, Array, Array]:
+    """What `layered_search` returns in mode hard: one way, so that numbers of nodes are all that need be kept."""
+
+    def backward(value: Array, cost: Array) -> tuple[Array, Array]:
+        through = cost + value[None, :]
+        return safe.minimum(through), lean.argmin(through)
+
+    def forward(node: Array, best: Array) -> tuple[Array, Array]:
+        following = lean.rows(best, node)
+        return following, following
+
+    to_go, best = jax.lax.scan(backward, jnp.zeros_like(start_cost), edge_cost, reverse=True)
+    total = start_cost + to_go
+    first = lean.argmin(total)
+    _, others = jax.lax.scan(forward, first, best)
+    nodes = jax.nn.one_hot(jnp.concatenate([first[None], others]), total.shape[0], dtype=total.dtype)
+    return safe.minimum(total), nodes, nodes[:-1, :, None] * nodes[1:, None, :]
 
 
 @pytree
@@ -49,7 +66,7 @@ class Trail:
 def searched(
     start_cost: Array, edge_cost: Array, *, relaxation: Relaxation
 ) -> tuple[tuple[Array, Array, Array], Trail]:
-    """What `layered_search` returns, and how it came about, which differentiates itself.
+    """What `layered_search` returns in any mode, and how it came about, which differentiates itself.
 
     Args: start_cost [M]; edge_cost [S-1, M, M]; relaxation, whose temperature is in units of cost.
     """
