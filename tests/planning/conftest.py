@@ -10,7 +10,7 @@ from urbanjax.planning.params import PlanningParams
 from urbanjax.planning.plan import Memory, plan
 from urbanjax.planning.previous import nothing
 from urbanjax.planning.situation import Situation
-from urbanjax.roadmap.corridor import Corridor
+from urbanjax.roadmap.corridor import ANYWHERE, Corridor
 from urbanjax.roadmap.progress import Progress
 from urbanjax.types import Prediction, VehicleState, as_arrays
 from urbanjax.vehicle.driving import Driving
@@ -65,6 +65,9 @@ class Scenes:
             change=every(change),
             speed_limit=jnp.full(n, limit),
             turn=jnp.zeros(n, jnp.int32),
+            rank=jnp.zeros(n),
+            line=jnp.full(n, ANYWHERE),
+            halt=jnp.zeros(n, bool),
             valid=jnp.ones(n, bool),
             length=jnp.asarray(station[-1]),
             stop_station=jnp.zeros(1),

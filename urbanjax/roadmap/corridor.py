@@ -9,11 +9,13 @@ from jax import Array, lax
 from jaxtyping import Float
 
 from urbanjax.roadmap.across import LanesAcross, lanes_across
-from urbanjax.roadmap.graph import RoadGraph
+from urbanjax.roadmap.graph import RoadGraph, Rule
+from urbanjax.roadmap.priority import rank
 from urbanjax.roadmap.reference import ReferenceRow, Walk, rows, unwrapped, walk
 from urbanjax.roadmap.route import Route
 from urbanjax.types import POSITIVE, RoadError, pytree, static
 
+ANYWHERE = 1e6  # m, the line of who gives way to others without a sign
 BLENDED = 0.15  # share of a lane change, at its start and its end, in which the lane that is nearer decides alone
 SLACK = 1.01  # by which the reference line may be longer than the links that it covers
 CHUNKS = 512, 16  # stations and stop lines: sizes are multiples, so that routes share a program
@@ -41,6 +43,9 @@ class Corridor:
     change: Array  # [N, Q - 1] bool, changing between lanes q and q + 1 is permitted here
     speed_limit: Array  # [N] m/s
     turn: Array  # [N] int32, Turn of the route's link
+    rank: Array  # [N] ranks below priority of who comes here along the route, see `roadmap.priority`
+    line: Array  # [N] m, where one who gives way to somebody who comes here has to wait, at the latest
+    halt: Array  # [N] bool, a stop sign stands here
     valid: Array  # [N] bool, false beyond the end of the route
     length: Array  # [] m, of the route
     stop_station: Array  # [Y] m, stop lines on the route
@@ -105,6 +110,7 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
     limit = graph.speed_limit[link] * (1 - row.weight) + graph.speed_limit[following] * row.weight
     own = jnp.where(row.weight < 0.5, link, following)
     station, signal, has = _stops(graph, path, route, grid, arc, params.n_stops)
+    rules = _rules(graph, path, row, _station(path.begin, grid, arc))
     return Corridor(
         station=grid,
         position=row.position,
@@ -118,6 +124,9 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
         change=lanes.change,
         speed_limit=limit,
         turn=graph.turn[own],
+        rank=rules[0],
+        line=rules[1],
+        halt=rules[2],
         valid=grid <= length,
         length=length,
         stop_station=station,
@@ -180,6 +189,21 @@ def _stops(graph: RoadGraph, path: Walk, route: Route, grid: Array, arc: Array, 
     return jnp.where(has, _station(u[order], grid, arc), 0), jnp.where(has, signal[order], 0), has
 
 
+def _rules(graph: RoadGraph, path: Walk, row: ReferenceRow, begin: Array) -> tuple[Array, Array, Array]:
+    """Rank below priority, line to wait at (m) and whether a stop sign stands there, [N] each.
+
+    Who changes lanes gives way to who is there already. Args: begin [R] m, station of each entry of the walk.
+    """
+    before = jnp.maximum(row.entry - 1, 0)
+    entered = (row.entry > 0) & ~path.change[before]
+    rule = jnp.where(entered, graph.rule[path.link[before]], int(Rule.NONE))
+    below = rank(rule, graph.turn[path.link[row.entry]], like=begin)
+    changes = (path.change[row.entry] & (row.weight > 0)).astype(below.dtype)
+    line = jnp.where(rule != Rule.NONE, begin[row.entry], ANYWHERE)
+    first = jnp.pad(row.entry[1:] != row.entry[:-1], (1, 0))
+    return below + changes, line, first & (rule == Rule.STOP)
+
+
 def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParams) -> Corridor:
     """The W stations from `behind` metres behind `station`; at the ends of the table, the first or last W.
 
@@ -194,5 +218,5 @@ def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParam
         return lax.dynamic_slice_in_dim(x, start, min(params.n_stations, size))
 
     along = ("station", "position", "heading", "curvature", "lane_offset", "lane_width", "lane_link", "has_lane")
-    rules = ("oncoming", "change", "speed_limit", "turn", "valid")
+    rules = ("oncoming", "change", "speed_limit", "turn", "rank", "line", "halt", "valid")
     return corridor.replace(**{name: cut(getattr(corridor, name)) for name in (*along, *rules)})

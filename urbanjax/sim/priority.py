@@ -12,7 +12,8 @@ from jax import Array
 from jaxtyping import Bool, Float
 
 from urbanjax.numerics import safe
-from urbanjax.roadmap.graph import RoadGraph, RoadType, Rule, Turn
+from urbanjax.roadmap.graph import RoadGraph, RoadType
+from urbanjax.roadmap.priority import rank
 from urbanjax.sim.lanes import LaneTables, take
 from urbanjax.sim.neighbours import FAR, Bodies, Chain
 from urbanjax.types import Signals, SignalState
@@ -109,9 +110,8 @@ def _claim(
     deceleration: float | Array,
 ) -> Array:
     """Time at which each driver claims its next link [s]: entering, plus `patience` per rank below priority."""
-    turn = take(graph.turn, there)
-    rank = (take(graph.rule, here) != Rule.NONE) * 1.0 + ((turn == Turn.LEFT) | (turn == Turn.U_TURN)) * 1.0
-    claim = distance / jnp.maximum(speed, SLOWEST) + patience * rank + TIE * here
+    below = rank(take(graph.rule, here), take(graph.turn, there), like=distance)
+    claim = distance / jnp.maximum(speed, SLOWEST) + patience * below + TIE * here
     committed = stopping_distance(speed, HARD_BRAKING * deceleration) > jnp.maximum(distance, AT_LINE)
     return jnp.where(committed, GONE, claim).astype(distance.dtype)
 
