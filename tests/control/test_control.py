@@ -23,21 +23,24 @@ def state(x=0.0, y=0.0, heading=0.0, speed=8.0):
     return VehicleState(jnp.array([x, y]), jnp.asarray(heading), jnp.asarray(speed), zero, zero)
 
 
-def path(points):
+def path(points, heading=0.0):
     points = jnp.asarray(points)
     zero = jnp.zeros(points.shape[0])
-    return Path(station=jnp.arange(points.shape[0]) * 1.0, offset=zero, position=points, heading=zero, curvature=zero)
+    station = jnp.arange(points.shape[0]) * 1.0
+    return Path(station=station, offset=zero, position=points, heading=zero + heading, curvature=zero)
 
 
 def circle(radius, n=60):
-    angle = jnp.linspace(0, 1.2, n)
-    return path(radius * jnp.stack([jnp.sin(angle), 1 - jnp.cos(angle)], axis=1))
+    angle = jnp.linspace(0, 1.2, n) * np.sign(radius)
+    return path(radius * jnp.stack([jnp.sin(angle), 1 - jnp.cos(angle)], axis=1), angle)
 
 
+@pytest.mark.parametrize("n", [60, 6])
 @pytest.mark.parametrize("radius", [15.0, 40.0, -25.0])
-def test_arc_gives_the_arc_s_steering(radius):
+def test_arc_gives_the_arc_s_steering(radius, n):
+    """Even where a few points are all that is known of it: a chord would ask for more."""
     expected = np.arctan(VEHICLE.wheelbase / radius)
-    assert float(steer(circle(radius), PURSUIT, state=state())) == pytest.approx(expected, rel=2e-2)
+    assert float(steer(circle(radius, n), PURSUIT, state=state())) == pytest.approx(expected, rel=2e-2)
 
 
 def test_straight_path_keeps_the_wheel_straight_and_offset_turns_towards_it():
@@ -60,8 +63,11 @@ def test_converges_onto_a_line():
 
 
 def test_look_ahead_is_measured_along_the_path():
-    bent = path([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
-    np.testing.assert_allclose(look_ahead(bent, jnp.asarray(5.0)), [3.0, 2.0], atol=1e-6)
+    straight = path(np.stack([3.0 * np.arange(4), np.zeros(4)], axis=1))
+    np.testing.assert_allclose(look_ahead(straight, jnp.asarray(5.0)), [5.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(look_ahead(straight, jnp.asarray(11.0)), [11.0, 0.0], atol=1e-6)
+    on_circle = look_ahead(circle(10.0, 7), jnp.asarray(5.0))
+    np.testing.assert_allclose(jnp.linalg.norm(on_circle - jnp.asarray([0.0, 10.0])), 10.0, atol=1e-3)
 
 
 def wanted(reference, previous=0.0, emergency=0.0, **params):
@@ -72,15 +78,17 @@ def wanted(reference, previous=0.0, emergency=0.0, **params):
 
 @pytest.mark.parametrize(("reference", "expected"), [(8.3, 0.5), (30.0, 2.0), (0.0, -4.0)])
 def test_speed_tracking_is_proportional_and_limited(reference, expected):
-    assert wanted(reference, max_jerk=1e3, onset_jerk=1e3) == pytest.approx(expected, rel=1e-5)
+    assert wanted(reference, easy_jerk=1e3, onset_jerk=1e3) == pytest.approx(expected, rel=1e-5)
     assert wanted(reference, previous=expected) == pytest.approx(expected, rel=1e-5)
 
 
 def test_acceleration_changes_no_faster_than_the_greatest_jerk():
-    assert wanted(30.0, previous=-4.0) == pytest.approx(-3.2)
+    assert wanted(30.0, previous=-4.0) == pytest.approx(-3.2)  # far too much braking: fast
+    assert wanted(7.0, previous=-3.0) == pytest.approx(-2.6)  # a little too much: easily
     assert wanted(30.0, previous=-0.1) == pytest.approx(0.15)  # gently, once it no longer brakes
     assert wanted(30.0, previous=1.0) == pytest.approx(1.15)
-    assert wanted(0.0, previous=1.0) == pytest.approx(0.2)
+    assert wanted(6.0, previous=1.0) == pytest.approx(0.6)  # comfortable braking: easily
+    assert wanted(2.0, previous=1.0) == pytest.approx(0.2)  # more than that: fast
     assert wanted(0.0, previous=2.0, max_jerk=4.0) == pytest.approx(1.6)
 
 

@@ -125,7 +125,7 @@ def test_taste_may_be_tuned():
         "stack.planning.macro.horizon",
         "stack.planning.primitives.offsets[3]",
         "stack.behavior.gvp.tau",
-        "stack.behavior.headway.time_constant",
+        "stack.behavior.headway.deceleration",
         "stack.behavior.caps.lateral_acceleration",
         "stack.control.lateral.gain",
     ]

@@ -70,13 +70,38 @@ def test_gradient_is_finite_on_degenerate_input():
 
 
 def test_constant_headway_known_answers():
-    params = HeadwayParams(time_headway=1.0, jam_distance=2.0, time_constant=2.0)
+    params = HeadwayParams(time_headway=1.0, jam_distance=2.0, deceleration=2.0)
 
     def speed(v, gap, front, cap=20.0):
         v, gap, front, cap = (jnp.asarray(x) for x in (v, gap, front, cap))
         return float(constant_headway_speed(v, gap, front_speed=front, cap=cap, params=params))
 
     assert speed(10.0, 12.0, 10.0) == 10.0  # at the wanted gap: the front vehicle's speed
-    assert speed(10.0, 16.0, 10.0) == 12.0
     assert speed(10.0, 1e6, 10.0) == 20.0  # free: the cap
     assert speed(10.0, 0.0, 0.0) == 0.0
+    # One who stands is approached along v T + v^2 / 2 b = gap - s0.
+    for v in (4.0, 8.0, 12.0):
+        assert speed(v, 2.0 + v + v * v / 4, 0.0) == pytest.approx(v, rel=1e-5)
+    # One who cuts in near, at equal speed, is let go ahead gently; one who is about to be hit is not.
+    assert speed(10.0, 6.5, 10.0) == pytest.approx(10.0 - params.easing * params.lag, rel=1e-5)
+    assert speed(10.0, 1.5, 4.0) < 5.0
+
+
+@pytest.mark.parametrize("brakes", [2.0, 4.0])
+def test_one_who_follows_does_not_run_into_one_who_brakes(brakes):
+    """At the wanted gap, with the lag and the comfortable limits of the longitudinal control."""
+    params, dt = HeadwayParams(), 0.1
+    v = front = 13.0
+    gap, a, least = params.jam_distance + params.time_headway * v, 0.0, np.inf
+    for _ in range(150):
+        front_next = max(front - brakes * dt, 0.0)
+        args = (jnp.asarray(x) for x in (v, gap))
+        wanted = float(
+            constant_headway_speed(*args, front_speed=jnp.asarray(front), cap=jnp.asarray(14.0), params=params)
+        )
+        a = float(np.clip(np.clip((wanted - v) / 0.6, -4.0, 2.0), a - 0.8, a + 0.8))
+        v_next = max(v + a * dt, 0.0)
+        gap += (front + front_next - v - v_next) / 2 * dt
+        v, front, least = v_next, front_next, min(least, gap)
+    assert least > 0.5
+    assert v < 0.1

@@ -8,9 +8,10 @@ from jaxtyping import Float
 
 from urbanjax.numerics import lean
 from urbanjax.types import POSITIVE, field, pytree, static
-from urbanjax.vehicle.limits import MIN_SPEED
+from urbanjax.vehicle.limits import AMPLE, MIN_SPEED, SHORTEST, stop_speed
 
 MIN_GAP = 0.1  # m, a smaller or negative gap counts as this one
+SLOW = 2.0  # m/s, below which one who leads is nobody who cuts in
 MIN_RATIO = 1e-4  # of speed to desired speed: keeps the logarithm inside the power, and its derivative, finite
 
 
@@ -28,16 +29,24 @@ class IDMParams:
 
 @pytree
 class HeadwayParams:
-    """Constant time headway."""
+    """Constant time headway, kept by comfortable braking."""
 
     PINNED: ClassVar[dict[str, str]] = {
         "time_headway": "safety: the gap that is kept on the move",
         "jam_distance": "safety: the gap that is kept at standstill",
+        "least_*": "safety: the gap that is always kept",
+        "hard_deceleration": "safety: the gap that is always kept",
+        "lag": "fact: of control, see 'control.longitudinal.time_constant'",
     }
 
-    time_headway: float = 1.2  # s
+    time_headway: float = field(default=1.2, metadata=POSITIVE)  # s
     jam_distance: float = 3.0  # m
-    time_constant: float = field(default=1.5, metadata=POSITIVE)  # s, in which a gap error is to be closed
+    deceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, with which one comes to that gap, positive
+    easing: float = 1.5  # m/s^2, or what it takes not to come nearer: with which a gap is opened where that is safe
+    lag: float = 0.6  # s, in which control follows what is asked for
+    least_headway: float = field(default=0.8, metadata=POSITIVE)  # s, control's own lag included
+    least_gap: float = 1.0  # m, at standstill
+    hard_deceleration: float = field(default=4.0, metadata=POSITIVE)  # m/s^2, positive
 
 
 def highway_idm() -> IDMParams:
@@ -99,10 +108,25 @@ def constant_headway_speed(
     cap: Float[Array, "*b"],
     params: HeadwayParams,
 ) -> Float[Array, "*b"]:
-    """Speed to drive behind a front vehicle [m/s], clip(v_f + (gap - s0 - T_h v) / t_c, 0, cap).
+    """Speed to drive behind a front vehicle [m/s], not above the cap.
 
-    These are v_T and v_E of Eq. 28, which the paper leaves open. Without a front vehicle pass a gap of 1e6 m. Args:
-    speed [*B] m/s; gap [*B] m, bumper to bumper; front_speed [*B] m/s; cap [*B] m/s.
+    That of Gipps (1981) with equal decelerations, v T_h + v^2 / (2 b) = gap - s0 + v_f^2 / (2 b): behind one of equal
+    speed the gap is s0 + v T_h, and one that is slower or stands is approached at no more than b. Where somebody cuts
+    in, that gap is opened gently, as long as the same with the least gaps and hard braking is kept. These are v_T and
+    v_E of Eq. 28, which the paper leaves open. Without a front vehicle pass a gap of 1e6 m. Args: speed [*B] m/s; gap
+    [*B] m, bumper to bumper; front_speed [*B] m/s; cap [*B] m/s.
     """
-    error = gap - params.jam_distance - params.time_headway * speed
-    return jnp.clip(front_speed + error / params.time_constant, 0.0, cap)
+    front = lean.maximum(front_speed, 0.0)
+
+    def kept(least: float | Array, headway: float | Array, deceleration: float | Array) -> Array:
+        room = gap - least + front * front / (2 * deceleration)
+        return stop_speed(room, deceleration, reaction_time=headway)
+
+    comfortable = kept(params.jam_distance, params.time_headway, params.deceleration)
+    hard = kept(params.least_gap, params.least_headway, params.hard_deceleration)
+    closing = lean.maximum(speed - front, 0.0)
+    needed = closing * closing / (2 * lean.maximum(gap - params.jam_distance / 2, SHORTEST))
+    asked = lean.maximum(AMPLE * needed, params.easing) * params.lag
+    gentle = lean.maximum(comfortable, speed - asked)
+    cuts_in = lean.clip(front / SLOW, 0.0, 1.0)
+    return lean.minimum(lean.minimum(comfortable + cuts_in * (gentle - comfortable), hard), cap)

@@ -6,6 +6,8 @@ from jaxtyping import Float
 
 from urbanjax.numerics import lean, safe
 
+SHORTEST = 0.1  # m, in which one stops
+AMPLE = 1.25  # of the deceleration that a stop takes: one who brakes with it arrives with ever less
 MIN_SPEED = 1e-2  # m/s, below which a limit is as good as zero
 
 
@@ -31,6 +33,25 @@ def stop_speed(
     """
     delay = deceleration * reaction_time
     return safe.sqrt(delay * delay + 2 * deceleration * lean.maximum(distance, 0.0)) - delay
+
+
+def easy_stop_speed(
+    speed: Float[Array, "*b"],
+    distance: Float[Array, "*b"],
+    *,
+    deceleration: float | Array,
+    reaction_time: float | Array,
+    lag: float | Array,
+) -> Float[Array, "*b"]:
+    """Speed to ask for so as to stop within a distance [m/s], braking little harder than that takes from now on.
+
+    `stop_speed`, but one who learns late of a stop does not brake in full at once. Args: speed [*B] m/s, the present
+    one; distance [*B] m; deceleration [m/s^2], positive, of one who learns early; reaction_time [s]; lag [s], in which
+    control follows what is asked for.
+    """
+    needed = speed * speed / (2 * lean.maximum(distance, SHORTEST))
+    gentle = speed - AMPLE * needed * lag
+    return lean.maximum(stop_speed(distance, deceleration, reaction_time=reaction_time), gentle)
 
 
 def approach_speed(
