@@ -151,7 +151,7 @@ def step(
             choice.path,
             driving.of(params.control),
             reference=speed_plan.reference,
-            emergency=localization.brake(choice.selection.emergency),
+            emergency=localization.brake(speed_plan.emergency),
             state=ego,
         )
     following = StackState(situation.progress.station, plans.remember(plan), select, localized)

@@ -108,7 +108,7 @@ def test_a_queue_at_red_does_not_count_as_stuck_and_one_at_green_only_when_its_h
         state = tree.init(jnp.dtype(jnp.float32))
         queued = near_signal(signal, driving, reach=driving.params.queue_distance)
         for _ in range(round(seconds / 0.1)):
-            state = tree.remember(state, driving, speed=zero, red=queued * signal.red, route_free=zero)
+            state = tree.remember(state, driving, speed=zero, held=queued * signal.red, route_free=zero, micro=zero)
         return float(tree.standing(state, driving, queued=queued, distance=signal.distance))
 
     green = ahead(one(GREEN), distance, 0.0)

@@ -77,11 +77,10 @@ def test_weights_sum_to_one_for_any_degrees():
     assert float(selection.path.min()) >= -1e-6
 
 
-def remember(state, speed, red, route_free=0.0, mode="hard", period=0.1, **params):
+def remember(state, speed, held, route_free=0.0, micro=1.0, mode="hard", period=0.1, **params):
     driving = Driving(VehicleParams(), TSPSParams(**params), Relaxation(mode=mode, temperature=1e-3), period)
-    return tree.remember(
-        state, driving, speed=jnp.asarray(speed), red=jnp.asarray(red), route_free=jnp.asarray(route_free)
-    )
+    given = {"speed": speed, "held": held, "route_free": route_free, "micro": micro}
+    return tree.remember(state, driving, **{name: jnp.asarray(value) for name, value in given.items()})
 
 
 @pytest.mark.parametrize("period", [0.1, 0.25])
@@ -89,18 +88,27 @@ def remember(state, speed, red, route_free=0.0, mode="hard", period=0.1, **param
 def test_time_stuck_rises_is_held_at_red_and_cleared_by_moving(mode, period):
     state = tree.init(jnp.zeros(()).dtype)
     for _ in range(4):
-        state = remember(state, speed=0.0, red=0.0, mode=mode, period=period)
+        state = remember(state, speed=0.0, held=0.0, mode=mode, period=period)
     assert float(state.stuck) == pytest.approx(4 * period)
     for _ in range(3):
-        state = remember(state, speed=0.0, red=1.0, mode=mode, period=period)
+        state = remember(state, speed=0.0, held=1.0, mode=mode, period=period)
     assert float(state.stuck) == pytest.approx(4 * period)
-    state = remember(state, speed=5.0, red=0.0, mode=mode, period=period)
+    state = remember(state, speed=5.0, held=0.0, mode=mode, period=period)
     assert float(state.stuck) == pytest.approx(0)
 
 
 def test_a_blocked_route_counts_only_after_some_steps():
     state, blocked = tree.init(jnp.zeros(()).dtype), []
     for _ in range(6):
-        state = remember(state, speed=5.0, red=0.0, route_free=0.0, patience=0.4)
+        state = remember(state, speed=5.0, held=0.0, route_free=0.0, patience=0.4)
         blocked.append(float(state.blocked))
     np.testing.assert_allclose(blocked, 1 - 0.75 ** np.arange(1, 7), rtol=1e-5)
+
+
+def test_a_path_that_was_infeasible_is_doubted_for_a_while():
+    state = remember(tree.init(jnp.dtype("float32")), speed=5.0, held=0.0, micro=0.0, confidence=0.5)
+    doubts = []
+    for _ in range(6):
+        doubts.append(float(state.doubt))
+        state = remember(state, speed=5.0, held=0.0, micro=1.0, confidence=0.5)
+    np.testing.assert_allclose(doubts, [1.0, 0.8, 0.6, 0.4, 0.2, 0.0], atol=1e-6)

@@ -8,15 +8,16 @@ from urbanjax.roadmap.builders import curve, intersection, straight
 from urbanjax.roadmap.builders.specs import RoadStyle
 from urbanjax.roadmap.links import sample
 from urbanjax.roadmap.locate import locate
-from urbanjax.types import Objects
+from urbanjax.types import Objects, Signals
 
+NONE = Signals(jnp.zeros(0, jnp.int32), jnp.zeros(0), jnp.zeros(0, bool))
 ONE, TWO = PredictionParams(branches=1), PredictionParams(branches=2)
 
 
 @jax.jit
 def look_ahead(graph, objects, params):
     locations = locate(graph, objects.position, heading=objects.heading)
-    return predict(graph, objects, locations=locations, params=params)
+    return predict(graph, objects, locations=locations, signals=NONE, params=params)[0]
 
 
 def objects(*rows) -> Objects:

@@ -23,8 +23,8 @@ class ConnectParams:
 
     PINNED: ClassVar[dict[str, str]] = {"terminal_scale": SOFT}
 
-    duration: float = 4.0  # s, to reach the lane's centre
-    min_length: float = 12.0  # m
+    duration: float = 3.0  # s, to reach the lane's centre
+    min_length: float = 8.0  # m
     terminal_scale: float = 1.0  # m, by which the terminal point clearly lies farther to the side than others
 
 

@@ -12,6 +12,7 @@ from urbanjax.numerics import lean, safe, soft
 from urbanjax.types import POSITIVE, SHARE, field, pytree, static
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.following import constant_headway_speed
+from urbanjax.vehicle.limits import approach_speed
 
 
 @pytree
@@ -21,6 +22,7 @@ class GVPParams:
     PINNED: ClassVar[dict[str, str]] = {
         "overlap": "safety: of whom the ego need not keep clear",
         "clamp_time": "safety: the least time to collision",
+        "pass_*": "safety: how fast somebody is passed closely",
     }
 
     # [-], aggressiveness factor of Eq. 29; 0 follows the geometry now, 1 where the path leads
@@ -28,6 +30,9 @@ class GVPParams:
     overlap: float = 0.5  # m, by which bumpers may overlap and the other one still leads
     # s, least time to collision with what the chosen path does not clear
     clamp_time: float = field(default=1.2, metadata=POSITIVE)
+    pass_speed: float = 2.5  # m/s, with which one who stands is passed without any room beside
+    pass_gain: float = 10.0  # 1/s, by which it is more with each metre of room
+    pass_deceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, towards that
     ttc_clamp: bool = static(default=True)  # limit v_ref by clamp_time (not in the paper)
 
 
@@ -57,10 +62,10 @@ def following_speed(
     lead [O] m, how far its rear is ahead of the ego's front when the ego is in the lane (one that is passed before does
     not count, nor does one whose front is still behind the ego's); cap [] m/s, without anybody.
     """
-    params, relaxation, speed = driving.params, driving.relaxation, body.speed
+    params, relaxation = driving.params, driving.relaxation
     gap = surroundings.station - surroundings.half_length - body.front
     ahead = soft.above(lead, -params.gvp.overlap, relaxation, scale=1.0)
-    speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (speed, cap))
+    speed, cap = (jnp.broadcast_to(x, gap.shape) for x in (body.speed, cap))
     each = constant_headway_speed(speed, gap, front_speed=surroundings.speed, cap=cap, params=params.headway)
     in_front = soft.above(gap + 2 * surroundings.half_length, 0.0, relaxation, scale=1.0)
     relevant = soft.both(occupancy, soft.both(ahead, in_front))
@@ -114,3 +119,31 @@ def clamp(
     free = jnp.asarray(driving.vehicle.max_speed, allowed.dtype)
     each = free - degree * (free - lean.minimum(allowed, free))
     return soft.minimum(each, relaxation, scale=0.5, fill=1e3, mask=surroundings.valid)
+
+
+def passing_speed(
+    surroundings: Surroundings,
+    driving: Driving,
+    *,
+    offset: Float[Array, "o"],
+    moves: Float[Array, "o"],
+    body: Body,
+    cap: Float[Array, ""],
+) -> Float[Array, ""]:
+    """Highest speed in m/s from which everybody who stands close to the path is passed slowly, see `pass_speed`.
+
+    Args: surroundings [O]; driving, with BehaviorParams; offset [O] m, of the path beside each; moves [O], degree to
+    which each moves; body, of the ego; cap [] m/s, without anybody.
+    """
+    params, relaxation = driving.params.gvp, driving.relaxation
+    away = safe.sqrt((surroundings.offset - offset) ** 2 + 1e-6)
+    room = away - surroundings.half_width - driving.vehicle.width / 2
+    beside = params.pass_speed + params.pass_gain * lean.maximum(room, 0.0)
+    gap = surroundings.station - surroundings.half_length - body.front
+    allowed = lean.minimum(approach_speed(gap, beside, deceleration=params.pass_deceleration), cap)
+    passed = body.rear - (surroundings.station + surroundings.half_length)
+    counts = soft.both(soft.negate(moves), soft.above(-passed, 0.0, relaxation, scale=1.0))
+    each = cap - counts * (cap - allowed)
+    return soft.minimum(
+        jnp.append(each, cap), relaxation, scale=0.5, fill=1e3, mask=jnp.append(surroundings.valid, True)
+    )

@@ -4,6 +4,7 @@ from urbanjax.behavior.candidates import ConnectParams
 from urbanjax.behavior.caps import CapParams
 from urbanjax.behavior.gvp import GVPParams
 from urbanjax.behavior.lanes import LaneParams
+from urbanjax.behavior.right_of_way import RightOfWayParams
 from urbanjax.behavior.surroundings import OccupancyParams
 from urbanjax.behavior.tree import TSPSParams
 from urbanjax.planning.clearance import ClearanceParams
@@ -23,5 +24,6 @@ class BehaviorParams:
     lanes: LaneParams = LaneParams()
     occupancy: OccupancyParams = OccupancyParams()
     caps: CapParams = CapParams()
+    right_of_way: RightOfWayParams = RightOfWayParams()
     clearance: ClearanceParams = ClearanceParams()
     profile: ProfileParams = ProfileParams()

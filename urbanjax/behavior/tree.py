@@ -19,6 +19,7 @@ class TSPSParams:
 
     PINNED: ClassVar[dict[str, str]] = {
         "horizon": "safety: how long a path must be free of collisions",
+        "confidence": "safety: how surely a path is free before it is begun",
         "margin": "safety: the clearance that a feasible path keeps",
         "standing_speed": "definition: of standing",
         "signal_distance": "safety: nobody is overtaken before a turn at a signal",
@@ -39,6 +40,9 @@ class TSPSParams:
     margin: float = 0.35  # m, clearance that a feasible path keeps
     margin_scale: float = 0.5  # m
     patience: float = 0.3  # s, time constant of the filter on "the route is blocked" (hysteresis)
+    confidence: float = field(
+        default=0.5, metadata=POSITIVE
+    )  # s, for which the micro path is feasible before it is begun
     standing_speed: float = 0.3  # m/s, below which the vehicle stands
     stuck_time: float = 3.0  # s, after which a standing vehicle is stuck
     signal_distance: float = 30.0  # m, to the stop line, within which the turn beyond it counts
@@ -78,8 +82,9 @@ class Conditions:
 class TSPSState:
     """What selection remembers."""
 
-    stuck: Array  # [] s that the vehicle has stood without a red signal ahead
+    stuck: Array  # [] s that the vehicle has stood without having to wait
     blocked: Array  # [] filtered degree to which the route is infeasible
+    doubt: Array  # [] degree to which the micro path was infeasible lately, fading
 
 
 @pytree
@@ -93,7 +98,7 @@ class Selection:
 
 def init(dtype: jnp.dtype) -> TSPSState:
     """Nothing remembered. Args: dtype, of its floats."""
-    return TSPSState(stuck=jnp.zeros((), dtype), blocked=jnp.zeros((), dtype))
+    return TSPSState(*(jnp.zeros((), dtype) for _ in TSPSState.__dataclass_fields__))
 
 
 def remember(
@@ -101,19 +106,23 @@ def remember(
     driving: Driving,
     *,
     speed: Float[Array, ""],
-    red: Float[Array, ""],
+    held: Float[Array, ""],
     route_free: Float[Array, ""],
+    micro: Float[Array, ""],
 ) -> TSPSState:
-    """The counters one step on: the time stuck rises while standing, is held at red and is cleared by moving.
+    """The counters one step on: the time stuck rises while standing, stays while one has to wait, is cleared by moving.
 
-    Args: state; driving, with TSPSParams; speed [] m/s; red, route_free [], degrees.
+    Args: state; driving, with TSPSParams; speed [] m/s; held [], degree to which a signal or somebody else has to be
+    waited for; route_free, micro [], degrees to which those paths
+    are feasible.
     """
     params, period = driving.params, driving.period
     moving = soft.above(speed, params.standing_speed, driving.relaxation, scale=params.standing_speed)
-    stuck = soft.negate(moving) * (state.stuck + period * soft.negate(red))
+    stuck = soft.negate(moving) * (state.stuck + period * soft.negate(held))
     share = period / lean.maximum(params.patience, period)
     blocked = state.blocked + (soft.negate(route_free) - state.blocked) * share
-    return TSPSState(stuck=stuck, blocked=blocked)
+    doubt = lean.maximum(soft.negate(micro), state.doubt - period / params.confidence)
+    return TSPSState(stuck=stuck, blocked=blocked, doubt=lean.maximum(doubt, 0.0))
 
 
 def standing(

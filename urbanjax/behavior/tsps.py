@@ -5,9 +5,10 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
-from urbanjax.behavior import caps
+from urbanjax.behavior import caps, right_of_way
 from urbanjax.behavior.candidates import connect, room_along
 from urbanjax.behavior.lanes import nearest_lane, terminal
+from urbanjax.behavior.right_of_way import GiveWay
 from urbanjax.behavior.situation import (
     Body,
     SignalAhead,
@@ -20,7 +21,7 @@ from urbanjax.behavior.situation import (
 )
 from urbanjax.behavior.surroundings import Surroundings, in_lane, moving, relate
 from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember, standing
-from urbanjax.numerics import soft
+from urbanjax.numerics import safe, soft
 from urbanjax.planning.plan import Plan
 from urbanjax.planning.situation import Situation
 from urbanjax.roadmap.corridor import Corridor
@@ -65,7 +66,16 @@ class Candidate:
     path: Path
     cap: Array  # [K] m/s, speed limit and curves
     time: Array  # [K] s, of passing each point at free-flow speed
-    clearance: Array  # [] m, smallest over the horizon at free-flow speed
+    clearance: Array  # [] m, smallest over the horizon at free-flow speed, but for waiting
+
+
+@pytree
+class Feasible:
+    """What the paths allow; all shapes []."""
+
+    route_clearance: Array  # m
+    micro: Array  # degree to which the micro path is feasible
+    waits: Array  # degree to which the ego gives way to somebody
 
 
 @pytree
@@ -81,6 +91,8 @@ class Choice:
     selection: Selection
     conditions: Conditions
     clearance: Array  # [3] m, smallest clearance of (route, micro, ego lane)
+    way: GiveWay
+    merges: Array  # [] degree to which the ego has to get into the route's lane, since its own ends
     view: View
 
 
@@ -88,7 +100,7 @@ def init(start: Progress, corridor: Corridor) -> SelectState:
     """Nothing remembered; the ego lane is the route's. Args: start, of the ego; corridor, along the route."""
     weights = jnp.zeros_like(corridor.lane_offset[0]).at[corridor.route_lane].set(1)
     zero = jnp.zeros_like(start.offset)
-    return SelectState(tree=TSPSState(stuck=zero, blocked=zero), ego_lane=weights)
+    return SelectState(tree=TSPSState(stuck=zero, blocked=zero, doubt=zero), ego_lane=weights)
 
 
 def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectState) -> tuple[SelectState, Choice]:
@@ -101,15 +113,9 @@ def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectS
     params, relaxation, micro = driving.params, driving.relaxation, plan.micro
     view = look(situation, driving, path=micro.path)
     lanes = find_lanes(view, driving, micro=micro.path, previous=state.ego_lane)
-    candidates = compare(situation, driving, plan=plan, view=view, lanes=lanes)
-    memory, conditions = assess(
-        view,
-        driving,
-        lanes=lanes,
-        route_clearance=candidates.clearance[ROUTE],
-        micro_feasible=micro.feasible,
-        state=state.tree,
-    )
+    candidates, way = compare(situation, driving, plan=plan, view=view, lanes=lanes)
+    feasible = Feasible(candidates.clearance[ROUTE], micro.feasible, way.waits)
+    memory, conditions = assess(view, driving, lanes=lanes, feasible=feasible, state=state.tree)
     safest = soft.choose(-candidates.clearance, relaxation, scale=params.tsps.margin_scale)
     selection = decide(conditions, params.tsps, safest=safest)
     chosen, target = soft.mixed(selection.path, (candidates, jnp.stack([lanes.route, lanes.micro, lanes.ego])))
@@ -124,6 +130,8 @@ def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectS
         selection=selection,
         conditions=conditions,
         clearance=candidates.clearance,
+        way=way,
+        merges=has_to_merge(view, driving, lanes=lanes),
         view=view,
     )
     return SelectState(tree=memory, ego_lane=lanes.ego), choice
@@ -141,17 +149,34 @@ def look(situation: Situation, driving: Driving, *, path: Path) -> View:
     )
 
 
-def compare(situation: Situation, driving: Driving, *, plan: Plan, view: View, lanes: LaneWeights) -> Candidate:
-    """The three paths of Eq. 27, stacked, each with its caps, its times and its clearance.
+def compare(
+    situation: Situation, driving: Driving, *, plan: Plan, view: View, lanes: LaneWeights
+) -> tuple[Candidate, GiveWay]:
+    """The three paths of Eq. 27, stacked, each with its caps, its times and its clearance; and for whom the ego waits.
 
     Args: situation, of the step; driving, with BehaviorParams; plan, the motion plan; view; lanes, of the paths.
     """
     params, micro, station, road = driving.params, plan.micro, plan.micro.path.station, view.road
+    distance, profile = station - station[0], params.profile
+    # One place of the path farther, since between two of them nobody knows where the road ends.
+    reach = view.body.front - station[0] + params.caps.stop_margin + station[1] - station[0]
 
-    def along(lane: Float[Array, "q"]) -> Candidate:
-        path = connect(situation, params.connect, road=road, station=station, lane=road.lane_offset @ lane)
+    def capped(path: Path) -> Array:
         cap = caps.along(path, params.caps, speed_limit=road.speed_limit)
-        _, time = free_flow(situation.ego.speed, cap, distance=station - station[0], params=params.profile)
+        return cap * caps.open_road(path, driving.of(params.caps), road=road, reach=reach)
+
+    def join(lane: Float[Array, "q"]) -> tuple[Path, Array]:
+        path = connect(situation, params.connect, road=road, station=station, lane=road.lane_offset @ lane)
+        return path, capped(path)
+
+    paths, cap = jax.vmap(join)(jnp.stack([lanes.route, lanes.ego]))
+    _, time = free_flow(situation.ego.speed, cap[0], distance=distance, params=profile)
+    giving = driving.of(params.right_of_way)
+    way = right_of_way.give_way(situation, giving, body=view.body, station=station, time=time)
+    goes = right_of_way.goes_on(way, giving, distance=distance)
+
+    def judge(path: Path, cap: Array) -> Candidate:
+        _, time = free_flow(situation.ego.speed, cap * goes, distance=distance, params=profile)
         room = room_along(
             path,
             driving.of(params.clearance),
@@ -162,10 +187,14 @@ def compare(situation: Situation, driving: Driving, *, plan: Plan, view: View, l
         )
         return Candidate(path=path, cap=cap, time=time, clearance=room)
 
-    cap = caps.along(micro.path, params.caps, speed_limit=road.speed_limit)
-    over = Candidate(path=micro.path, cap=cap, time=micro.time, clearance=micro.clearance)
-    others = jax.vmap(along)(jnp.stack([lanes.route, lanes.ego]))
-    return jax.tree.map(lambda a, b: jnp.stack([a[0], b, a[1]]), others, over)
+    others = jax.vmap(judge)(paths, cap)
+    over = Candidate(
+        path=micro.path,
+        cap=capped(micro.path),
+        time=micro.time,
+        clearance=micro.clearance,
+    )
+    return jax.tree.map(lambda a, b: jnp.stack([a[0], b, a[1]]), others, over), way
 
 
 def find_lanes(view: View, driving: Driving, *, micro: Path, previous: Float[Array, "q"]) -> LaneWeights:
@@ -188,19 +217,28 @@ def find_lanes(view: View, driving: Driving, *, micro: Path, previous: Float[Arr
     )
 
 
+def has_to_merge(view: View, driving: Driving, *, lanes: LaneWeights) -> Float[Array, ""]:
+    """Degree to which the lane that the ego is in ends ahead, and is not the route's.
+
+    Args: view; driving, with BehaviorParams; lanes, of the paths.
+    """
+    deciding, here = driving.of(driving.params.tsps), view.here
+    ends = 1 - jnp.prod(view.road.has_lane.astype(lanes.ego.dtype) @ lanes.ego)
+    away = entering(here.lane_offset @ lanes.route, deciding, body=view.body, lane_width=here.lane_width @ lanes.ego)
+    return soft.both(ends, away)
+
+
 def assess(
     view: View,
     driving: Driving,
     *,
     lanes: LaneWeights,
-    route_clearance: Float[Array, ""],
-    micro_feasible: Float[Array, ""],
+    feasible: Feasible,
     state: TSPSState,
 ) -> tuple[TSPSState, Conditions]:
     """The inputs of the decision tree, as degrees, and its counters one step on.
 
-    Args: view; driving, with BehaviorParams; lanes, of the paths; route_clearance [] m; micro_feasible [], degree;
-    state, the counters.
+    Args: view; driving, with BehaviorParams; lanes, of the paths; feasible, what the paths allow; state, the counters.
     """
     params, relaxation = driving.params, driving.relaxation
     tree, here, body, around = params.tsps, view.here, view.body, view.surroundings
@@ -217,16 +255,23 @@ def assess(
     # One that stands closes no gap: the micro path, where it is feasible, has room beside it.
     in_micro = soft.both(in_micro, moving(around, telling))
     return_occupied = blocked_beside(lanes.route, in_route)
-    clear = soft.above(route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
+    clear = soft.above(feasible.route_clearance, tree.margin, relaxation, scale=tree.margin_scale)
     near = near_signal(view.signal, deciding, reach=tree.signal_distance)
     queued = near_signal(view.signal, deciding, reach=tree.queue_distance)
     route_free, red = soft.both(clear, soft.negate(return_occupied)), soft.both(queued, view.signal.red)
-    memory = remember(state, deciding, speed=body.speed, red=red, route_free=route_free)
+    held = soft.either(red, feasible.waits)
+    micro = feasible.micro
+    memory = remember(state, deciding, speed=body.speed, held=held, route_free=route_free, micro=micro)
+    # A path that is feasible every other moment is not begun; one that is under way goes on while it can.
+    aside = safe.sqrt((body.offset - here.lane_offset @ lanes.ego) ** 2 + 1e-6)
+    begun = soft.above(aside, tree.margin, relaxation, scale=tree.margin_scale)
+    doubt = soft.both(soft.above(state.doubt, 0.0, relaxation, scale=0.5), soft.negate(begun))
+    micro = soft.both(micro, soft.negate(doubt))
     conditions = Conditions(
         # Of two halves: the filter says what holds more often than not.
         route_feasible=soft.above(0.5 - memory.blocked, 0.0, relaxation, scale=0.5),
         stuck=standing(memory, deciding, queued=queued, distance=view.signal.distance),
-        micro_feasible=micro_feasible,
+        micro_feasible=micro,
         turning_at_signal=soft.both(near, view.signal.turning),
         side_occupied=blocked_beside(lanes.micro, in_micro),
         return_occupied=return_occupied,

@@ -31,6 +31,11 @@ def smooth_abs(x: Float[Array, "*s"], rounding: float = 1e-3) -> Float[Array, "*
     return jnp.sqrt(x * x + rounding * rounding) - rounding
 
 
+def smaller(a: Float[Array, "*s"], b: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """The smaller of two, with a rounded tip where they are equal. Args: a, b, of one shape."""
+    return (a + b - smooth_abs(a - b)) / 2
+
+
 def parts(values: Float[Array, "*s k"], step: Float[Array, "*s e"]) -> Float[Array, "*s e"]:
     """What each segment adds to the trapezoidal integral.
 

@@ -273,15 +273,18 @@ def steering_rate(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j e"]:
 def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
     """Share [J, K] of the ego's footprint across that lies on no lane it may use, times the vehicle's width (m).
 
-    May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used. Args: fan,
-    of candidates; vehicle.
+    May be used: lanes of the route's direction, and oncoming ones that can be reached where they are used. In a bend
+    the ends of the body swing out and its middle cuts in. Args: fan, of candidates; vehicle.
     """
     road = fan.road
     turned = fan.heading - road.heading[None, :]
-    cos, sin = jnp.abs(jnp.cos(turned)), jnp.sin(turned)
-    half_width = (vehicle.width * cos + vehicle.length * costs.smooth_abs(sin)) / 2
-    middle = fan.offset + vehicle.centre_offset * sin
-    low, high = middle - half_width, middle + half_width
+    cos, sin = jnp.cos(turned), jnp.sin(turned)
+    bend = road.curvature[None, :] / 2
+    front, rear = vehicle.length - vehicle.rear_overhang, -vehicle.rear_overhang
+    ends = [x * sin - bend * x * x for x in (front, rear)]
+    half_width = vehicle.width / 2 * jnp.abs(cos)
+    low = fan.offset + costs.smaller(costs.smaller(*ends), jnp.zeros_like(sin)) - half_width
+    high = fan.offset - costs.smaller(costs.smaller(-ends[0], -ends[1]), jnp.zeros_like(sin)) + half_width
     right, left = road.lane_offset - road.lane_width / 2, road.lane_offset + road.lane_width / 2
     usable = road.present * (1 - road.oncoming * lean.minimum(road.barred, 1))
     # Lane by lane, which needs no array of candidates x points x lanes.
@@ -290,4 +293,4 @@ def off_road(fan: Fan, vehicle: VehicleParams) -> Float[Array, "j k"]:
         lean.maximum(lean.minimum(high, left) - lean.maximum(low, right), 0) * usable
         for left, right, usable in zip(*lanes, strict=True)
     )
-    return vehicle.width * (1 - covers / (2 * half_width))
+    return vehicle.width * (1 - covers / (high - low))

@@ -6,11 +6,13 @@ from jax import Array
 from jaxtyping import Float
 
 from urbanjax.numerics import lean, safe
+from urbanjax.planning import chains
 from urbanjax.planning.basis import hat, product
-from urbanjax.roadmap import links
 from urbanjax.roadmap.graph import RoadGraph
 from urbanjax.roadmap.locate import Location
-from urbanjax.types import POSITIVE, Objects, Prediction, field, pytree, static
+from urbanjax.types import POSITIVE, Objects, Prediction, RoadUser, Signals, field, pytree, static
+
+SLOWEST = 1.0  # m/s, for which the times along a way are reckoned at least
 
 
 @pytree
@@ -21,64 +23,88 @@ class PredictionParams:
     settle_time: float = 1.0  # s, time constant with which an object turns parallel to its lane
     heading_gate: float = 0.8  # rad, off the lane's direction by more, an object is taken to drive straight on
     heading_ramp: float = 0.3  # rad, over which the two blend
+    shortest_way: float = 24.0  # m, that is followed for conflicts; more where more is driven within the horizon
+    longest_way: float = 110.0  # m
     n_times: int = static(default=17)
+    n_way: int = static(default=32)  # points of that way
     branches: int = static(default=2)  # ways followed at the first fork
     hops: int = static(default=6)  # links followed beyond the present one
 
 
 @pytree
-class LinkChain:
-    """The links ahead of each of B = O * branches objects."""
+class Ways:
+    """Where B objects and branches are going to drive, however fast: M points along the way of each."""
 
-    link: Array  # [B, C] int32, the present link and those after it
-    start: Array  # [B, C] m from the start of the present link; a far value where the road has ended
-    ways: Array  # [B] int32, number of ways at the first fork, 1 without a fork
+    position: Array  # [B, M, 2] m, box centre
+    distance: Array  # [B, M] m from where they are
+    rank: Array  # [B, M] ranks below priority of who comes there, see `chains.ranks`
+    speed: Array  # [B] m/s
+    length: Array  # [B] m
+    width: Array  # [B] m
+    on_foot: Array  # [B] 0 or 1
+    valid: Array  # [B] bool
 
 
-FAR = 1e6  # m, the start of a link that is not there
-
-
-def predict(graph: RoadGraph, objects: Objects, *, locations: Location, params: PredictionParams) -> Prediction:
-    """Boxes of every object at H times, following its lane at constant speed and keeping its lateral offset.
+def predict(
+    graph: RoadGraph, objects: Objects, *, locations: Location, signals: Signals, params: PredictionParams
+) -> tuple[Prediction, Ways]:
+    """Boxes of every object at H times, following its lane at constant speed and keeping its lateral offset; its way.
 
     Branch b takes the b-th way at the first fork and the first way at later ones; where there is no b-th way the branch
     is invalid. A heading error dies out with `settle_time`, so that a vehicle on its way to the next lane is
     predicted sideways. An object that is not on a lane, or far off its direction, keeps a straight line, and so does
     one beyond the end of the road. Args: graph, the road graph; objects [O], everybody else; locations [O], of the
-    objects on the graph.
+    objects on the graph; signals, what they show.
     """
     objects, locations = (
-        jax.tree.map(lambda x: jnp.repeat(x, params.branches, axis=0), t) for t in (objects, locations)
+        jax.tree.map(lambda x: jnp.repeat(x, params.branches, axis=0), t) for t in (objects.with_kinds(), locations)
     )
     dtype = objects.position.dtype
     time = params.horizon * jnp.linspace(0, 1, params.n_times, dtype=dtype)
     branch = jnp.arange(objects.speed.shape[0]) % params.branches
-    chain = _follow(graph, locations.link, branch, params.hops)
+    chain = chains.ahead(graph, locations.link, branch=branch, hops=params.hops)
+    reach = jnp.clip(objects.speed * params.horizon, params.shortest_way, params.longest_way)
+    distance = reach[:, None] * jnp.linspace(0, 1, params.n_way, dtype=dtype)[None, :]
+    travelled = jnp.concatenate([objects.speed[:, None] * time[None, :], distance], axis=1)
+    pace = lean.maximum(objects.speed, SLOWEST)[:, None]
+    at = jnp.concatenate([jnp.broadcast_to(time, (len(branch), len(time))), distance / pace], axis=1)
 
-    settle = 1 - jnp.exp(-time / params.settle_time)
+    settle = 1 - jnp.exp(-at / params.settle_time)
     error = locations.heading_error[:, None]
-    offset = locations.offset[:, None] + objects.speed[:, None] * jnp.sin(error) * params.settle_time * settle[None, :]
-    station = locations.station[:, None] + objects.speed[:, None] * time[None, :]
-    position, heading = _along(graph, chain, station, offset)
+    offset = locations.offset[:, None] + objects.speed[:, None] * jnp.sin(error) * params.settle_time * settle
+    along = chains.along(graph, chain, station=locations.station[:, None] + travelled, offset=offset)
     # A projected point and its reconstruction differ by a hair on bent polylines: start exactly at the object.
-    position = position + (objects.position - position[:, 0])[:, None]
-    heading = heading + error * (1 - settle)[None, :]
+    position = along.position + (objects.position - along.position[:, 0])[:, None]
+    heading = (along.heading + error * (1 - settle))[:, : len(time)]
 
     direction = jnp.stack([jnp.cos(objects.heading), jnp.sin(objects.heading)], axis=-1)
-    travelled = (objects.speed[:, None] * time[None, :])[..., None] * direction[:, None, :]
-    straight = objects.position[:, None, :] + travelled
+    straight = objects.position[:, None, :] + travelled[..., None] * direction[:, None, :]
     turned = jnp.diff(heading, axis=1, prepend=objects.heading[:, None])
     turned = lean.running_sum(safe.wrap_angle(turned))[:, 1:]
     beyond = (params.heading_gate + params.heading_ramp - jnp.abs(locations.heading_error)) / params.heading_ramp
     follows = jnp.clip(beyond, 0, 1) * locations.valid.astype(dtype)
-    return Prediction(
-        position=straight + follows[:, None, None] * (position - straight),
+    position = straight + follows[:, None, None] * (position - straight)
+    valid = objects.valid & ((branch == 0) | ((branch < chain.ways) & (follows > 0)))
+    future = Prediction(
+        position=position[:, : len(time)],
         heading=objects.heading[:, None] + follows[:, None] * turned,
         speed=objects.speed,
         length=objects.length,
         width=objects.width,
         time=time,
-        valid=objects.valid & ((branch == 0) | ((branch < chain.ways) & (follows > 0))),
+        valid=valid,
+    )
+    rank = chains.ranks(graph, chain, signals=signals, station=locations.station, speed=objects.speed)
+    reached = along.number[:, len(time) :]
+    return future, Ways(
+        position=position[:, len(time) :],
+        distance=distance,
+        rank=follows[:, None] * jnp.take_along_axis(rank, reached, axis=1),
+        speed=objects.speed,
+        length=objects.length,
+        width=objects.width,
+        on_foot=(objects.kind == RoadUser.PEDESTRIAN).astype(dtype),
+        valid=valid,
     )
 
 
@@ -100,37 +126,3 @@ def time_weights(prediction: Prediction, time: Float[Array, "n"]) -> Float[Array
     """
     spacing = prediction.time[1] - prediction.time[0]
     return hat(time, prediction.time[0], spacing, prediction.time.shape[0], extrapolate=True)
-
-
-def _follow(graph: RoadGraph, link: Array, branch: Array, hops: int) -> LinkChain:
-    """The chain of links ahead. Args: link [B] int, the present one; branch [B] int, the way at the first fork."""
-
-    def hop(carry: tuple[Array, ...], _: None) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
-        here, end, ways = carry
-        has = graph.has_successor[here]
-        count = jnp.sum(has, axis=1, dtype=here.dtype)
-        fork = (count > 1) & (ways == 1)
-        way = jnp.where(fork, jnp.minimum(branch, count - 1), 0)
-        picked = has & (jnp.cumsum(has, axis=1) - 1 == way[:, None])
-        following = jnp.sum(jnp.where(picked, graph.successor[here], 0), axis=1)
-        following = jnp.where(count > 0, following, here).astype(here.dtype)
-        start = jnp.where(count > 0, end, FAR)
-        end = jnp.minimum(start + graph.length[following], FAR)
-        return (following, end, jnp.where(fork, count, ways)), (following, start)
-
-    ones = jnp.ones_like(link)
-    (_, _, ways), (ahead, starts) = jax.lax.scan(hop, (link, graph.length[link], ones), None, length=hops)
-    first = jnp.zeros_like(starts[:1])
-    return LinkChain(link=jnp.concatenate([link[None], ahead]).T, start=jnp.concatenate([first, starts]).T, ways=ways)
-
-
-def _along(
-    graph: RoadGraph, chain: LinkChain, station: Float[Array, "b h"], offset: Float[Array, "b h"]
-) -> tuple[Float[Array, "b h 2"], Float[Array, "b h"]]:
-    """Position [B, H, 2] (m) and heading [B, H] (rad) at stations from the start of each chain and lateral offsets."""
-    reached = jnp.sum(station[..., None] >= chain.start[:, None, 1:], axis=-1)
-    link = jnp.take_along_axis(chain.link, reached, axis=1)
-    local = station - jnp.take_along_axis(chain.start, reached, axis=1)
-    at = links.sample(graph, link, station=local)
-    left = jnp.stack([-jnp.sin(at.heading), jnp.cos(at.heading)], axis=-1)
-    return at.position + offset[..., None] * left, at.heading

@@ -4,7 +4,7 @@ import jax
 from jax import Array
 
 from urbanjax.course import Course
-from urbanjax.planning.prediction import PredictionParams, predict
+from urbanjax.planning.prediction import PredictionParams, Ways, predict
 from urbanjax.roadmap.corridor import Corridor, WindowParams, window
 from urbanjax.roadmap.locate import LocateParams, locate
 from urbanjax.roadmap.progress import Progress, progress
@@ -30,6 +30,7 @@ class Situation:
     objects: Objects
     prediction: Prediction
     signals: Signals
+    ways: Ways | None = None  # where others are going to drive
 
 
 def look(
@@ -46,5 +47,6 @@ def look(
         here = progress(road, ego.position, heading=ego.heading)
     with jax.named_scope("prediction"):
         lanes = locate(course.graph, objects.position, heading=objects.heading, params=params.locate)
-        future = predict(course.graph, objects, locations=lanes, params=params.prediction)
-    return Situation(road, here, ego, objects, future, observation.signals)
+        signals = observation.signals
+        future, ways = predict(course.graph, objects, locations=lanes, signals=signals, params=params.prediction)
+    return Situation(road, here, ego, objects, future, signals, ways)
