@@ -67,7 +67,6 @@ class Scenes:
             turn=jnp.zeros(n, jnp.int32),
             rank=jnp.zeros(n),
             line=jnp.full(n, ANYWHERE),
-            halt=jnp.zeros(n, bool),
             valid=jnp.ones(n, bool),
             length=jnp.asarray(station[-1]),
             stop_station=jnp.zeros(1),

@@ -45,7 +45,6 @@ class Corridor:
     turn: Array  # [N] int32, Turn of the route's link
     rank: Array  # [N] ranks below priority of who comes here along the route, see `roadmap.priority`
     line: Array  # [N] m, where one who gives way to somebody who comes here has to wait, at the latest
-    halt: Array  # [N] bool, a stop sign stands here
     valid: Array  # [N] bool, false beyond the end of the route
     length: Array  # [] m, of the route
     stop_station: Array  # [Y] m, stop lines on the route
@@ -110,7 +109,7 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
     limit = graph.speed_limit[link] * (1 - row.weight) + graph.speed_limit[following] * row.weight
     own = jnp.where(row.weight < 0.5, link, following)
     station, signal, has = _stops(graph, path, route, grid, arc, params.n_stops)
-    rules = _rules(graph, path, row, _station(path.begin, grid, arc))
+    rank_along, line = _rules(graph, path, row, _station(path.begin, grid, arc))
     return Corridor(
         station=grid,
         position=row.position,
@@ -124,9 +123,8 @@ def corridor_along(graph: RoadGraph, route: Route, *, params: CorridorParams) ->
         change=lanes.change,
         speed_limit=limit,
         turn=graph.turn[own],
-        rank=rules[0],
-        line=rules[1],
-        halt=rules[2],
+        rank=rank_along,
+        line=line,
         valid=grid <= length,
         length=length,
         stop_station=station,
@@ -189,8 +187,8 @@ def _stops(graph: RoadGraph, path: Walk, route: Route, grid: Array, arc: Array, 
     return jnp.where(has, _station(u[order], grid, arc), 0), jnp.where(has, signal[order], 0), has
 
 
-def _rules(graph: RoadGraph, path: Walk, row: ReferenceRow, begin: Array) -> tuple[Array, Array, Array]:
-    """Rank below priority, line to wait at (m) and whether a stop sign stands there, [N] each.
+def _rules(graph: RoadGraph, path: Walk, row: ReferenceRow, begin: Array) -> tuple[Array, Array]:
+    """Rank below priority and line to wait at (m), [N] each.
 
     Who changes lanes gives way to who is there already. Args: begin [R] m, station of each entry of the walk.
     """
@@ -200,8 +198,7 @@ def _rules(graph: RoadGraph, path: Walk, row: ReferenceRow, begin: Array) -> tup
     below = rank(rule, graph.turn[path.link[row.entry]], like=begin)
     changes = (path.change[row.entry] & (row.weight > 0)).astype(below.dtype)
     line = jnp.where(rule != Rule.NONE, begin[row.entry], ANYWHERE)
-    first = jnp.pad(row.entry[1:] != row.entry[:-1], (1, 0))
-    return below + changes, line, first & (rule == Rule.STOP)
+    return below + changes, line
 
 
 def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParams) -> Corridor:
@@ -218,5 +215,5 @@ def window(corridor: Corridor, station: Float[Array, ""], *, params: WindowParam
         return lax.dynamic_slice_in_dim(x, start, min(params.n_stations, size))
 
     along = ("station", "position", "heading", "curvature", "lane_offset", "lane_width", "lane_link", "has_lane")
-    rules = ("oncoming", "change", "speed_limit", "turn", "rank", "line", "halt", "valid")
+    rules = ("oncoming", "change", "speed_limit", "turn", "rank", "line", "valid")
     return corridor.replace(**{name: cut(getattr(corridor, name)) for name in (*along, *rules)})

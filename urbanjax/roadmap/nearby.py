@@ -55,6 +55,6 @@ def thinned(corridor: Corridor, every: int) -> Corridor:
     Args: corridor, the whole or a window of it; every, of how many stations the first is kept.
     """
     along = ("station", "position", "heading", "curvature", "lane_offset", "lane_width", "lane_link", "has_lane")
-    rules = ("oncoming", "change", "speed_limit", "turn", "rank", "line", "halt", "valid")
+    rules = ("oncoming", "change", "speed_limit", "turn", "rank", "line", "valid")
     kept = {name: getattr(corridor, name)[::every] for name in (*along, *rules)}
     return corridor.replace(**kept, spacing=corridor.spacing * every)
