@@ -4,6 +4,7 @@ import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from urbanjax.course import Course, course_between
 from urbanjax.numerics.soft import Relaxation
@@ -24,6 +25,7 @@ from urbanjax.sim.scenarios import overtake
 from urbanjax.sim.scenarios.scenario import ego_at, traffic, world
 from urbanjax.sim.world import SimParams, WorldState
 from urbanjax.stack import StackParams
+from urbanjax.types import Objects
 
 # Candidates end between the points of their grid: on a point the gradient is a one-sided one.
 SMALL = PlanningParams(
@@ -32,6 +34,21 @@ SMALL = PlanningParams(
         offsets=(-0.5, 0.0, 0.5), durations=(2.0, 3.5), speed_factors=(0.6, 1.0), min_length=8.3, n_points=21
     ),
 )
+
+
+def objects_of(rows, kind=None) -> Objects:
+    """Cars from rows of x, y (m), heading (rad) and speed (m/s); kind, a RoadUser of each (None: not said)."""
+    x, y, heading, speed = np.array(rows, np.float32).T
+    n = len(rows)
+    return Objects(
+        position=jnp.asarray(np.stack([x, y], axis=-1)),
+        heading=jnp.asarray(heading),
+        speed=jnp.asarray(speed),
+        length=jnp.full(n, 4.7),
+        width=jnp.full(n, 1.9),
+        valid=jnp.ones(n, bool),
+        kind=kind,
+    )
 
 
 def loop_params(mode: str = "hard", temperature: float = 0.1, n_objects: int = 4) -> LoopParams:

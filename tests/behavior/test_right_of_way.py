@@ -5,17 +5,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from urbanjax.behavior import right_of_way
+from tests.scenes import objects_of
+from urbanjax.behavior import encounters, right_of_way
 from urbanjax.behavior.params import BehaviorParams
-from urbanjax.behavior.situation import body_of
+from urbanjax.behavior.situation import Body, body_of
 from urbanjax.course import course_between
 from urbanjax.numerics.soft import Relaxation
 from urbanjax.planning import situation as situations
+from urbanjax.planning.prediction import Ways
 from urbanjax.planning.situation import SituationParams
 from urbanjax.roadmap.builders import intersection, roundabout
+from urbanjax.roadmap.corridor import CorridorParams, WindowParams, window
 from urbanjax.roadmap.links import sample
 from urbanjax.roadmap.progress import to_world
-from urbanjax.types import Objects, Observation, Odometry, RoadUser, Signals, SignalState, VehicleState, as_arrays
+from urbanjax.types import Observation, Odometry, RoadUser, Signals, SignalState, VehicleState, as_arrays
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.params import VehicleParams
 
@@ -66,17 +69,8 @@ def gives_way(course, station, speed, objects, signals, relaxation):
 
 
 def way(course, station, speed, *rows, shown=(), relaxation=None):
-    x, y, heading, pace, kind = np.array(rows, np.float32).T
-    n = len(rows)
-    objects = Objects(
-        position=jnp.asarray(np.stack([x, y], axis=-1)),
-        heading=jnp.asarray(heading),
-        speed=jnp.asarray(pace),
-        length=jnp.full(n, 4.7),
-        width=jnp.full(n, 1.9),
-        valid=jnp.ones(n, bool),
-        kind=jnp.asarray(kind, jnp.int32),
-    )
+    kind = jnp.asarray([row[4] for row in rows], jnp.int32)
+    objects = objects_of([row[:4] for row in rows], kind)
     state = jnp.asarray([int(x) for x in shown], jnp.int32)
     signals = Signals(state, jnp.full(len(state), 5.0), jnp.ones(len(state), bool))
     relaxation = as_arrays(relaxation or Relaxation())
@@ -141,3 +135,20 @@ def test_degrees_tend_to_the_hard_choice(crossing):
     soft, near = way(crossing, 80.0, 6.0, *rows, relaxation=Relaxation(0.01, "soft"))
     np.testing.assert_allclose(soft.degree, hard.degree, atol=0.05)
     np.testing.assert_allclose(near, speed, atol=0.3)
+
+
+@pytest.mark.parametrize(("n_stations", "spacing"), [(256, 1.0), (60, 1.0), (256, 0.5)])
+def test_places_beside_the_route_are_right_in_short_windows_and_fine_ones(n_stations, spacing):
+    params = CorridorParams(spacing=spacing)
+    course = course_between(intersection(signalised=False, n_lanes=1), WEST, goal=4 + EAST, corridor=params)
+    road = window(course.corridor, jnp.asarray(20.0), params=as_arrays(WindowParams(n_stations=n_stations)))
+    along, aside = np.array([22.0, 26.3, 28.9]), np.array([2.0, -1.0, 0.0])
+    position = to_world(course.corridor, jnp.asarray(along), offset=jnp.asarray(aside))[0]
+    many = jnp.zeros(1)
+    ways = Ways(position[None], jnp.asarray([[0.0, 4.4, 7.0]]), many[:, None], *[many] * 4, many == 0)
+    zero = jnp.zeros(())
+    body = Body(rear=zero + 19.0, front=zero + 23.7, offset=zero, speed=zero)
+    station, offset, same = encounters.beside_route(road, ways, body=body)
+    np.testing.assert_allclose(station[0], along, atol=1e-2)
+    np.testing.assert_allclose(offset[0], aside, atol=1e-2)
+    assert np.all(np.asarray(same) > 0.7)

@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tests.scenes import objects_of
 from urbanjax.planning.prediction import PredictionParams, boxes_at, predict
 from urbanjax.roadmap.builders import curve, intersection, straight
 from urbanjax.roadmap.builders.specs import RoadStyle
@@ -22,16 +23,7 @@ def look_ahead(graph, objects, params):
 
 def objects(*rows) -> Objects:
     """Objects from rows of x, y, heading and speed."""
-    x, y, heading, speed = np.array(rows, np.float32).T
-    n = len(rows)
-    return Objects(
-        position=jnp.asarray(np.stack([x, y], axis=-1)),
-        heading=jnp.asarray(heading),
-        speed=jnp.asarray(speed),
-        length=jnp.full(n, 4.7),
-        width=jnp.full(n, 1.9),
-        valid=jnp.ones(n, bool),
-    )
+    return objects_of(rows)
 
 
 def on_link(graph, link, station, offset=0.0, turned=0.0, speed=10.0):

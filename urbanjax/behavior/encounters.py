@@ -62,7 +62,8 @@ def encounters(situation: Situation, driving: Driving, *, body: Body) -> Encount
     reach = (driving.vehicle.width + ways.width)[:, None] / 2 + params.margin
     away = safe.sqrt(offset**2 + 1e-6)
     across = soft.above(reach - away, 0.0, relaxation, scale=params.lateral_scale)
-    near = (station < body.rear + EVERY * (PLACES - 3)).astype(across.dtype)
+    seen = EVERY * (PLACES - 3) * situation.window.spacing
+    near = (station < body.rear + seen).astype(across.dtype)
     within = across * near * soft.above(station, body.rear, relaxation, scale=1.0)
     going = soft.above(along[:, 0], params.follower_heading, relaxation, scale=params.heading_scale)
     counts = soft.negate(across[:, 0] * going) * ways.valid.astype(within.dtype)
@@ -111,12 +112,13 @@ def beside_route(window: Corridor, ways: Ways, *, body: Body) -> tuple[Array, Ar
     around the vehicle; ways [B]; body, of the ego.
     """
     first = (body.rear - BEHIND - window.station[0]) / window.spacing
-    first = jnp.clip(jnp.floor(first), 0, window.station.shape[0] - EVERY * PLACES).astype(jnp.int32)
-    rows = first + EVERY * jnp.arange(PLACES, dtype=jnp.int32)
+    count = window.station.shape[0]
+    first = jnp.clip(jnp.floor(first), 0, max(count - EVERY * PLACES, 0)).astype(jnp.int32)
+    rows = jnp.minimum(first + EVERY * jnp.arange(PLACES, dtype=jnp.int32), count - 1)
     x, y, heading = (lean.rows(v, rows) for v in (window.position[:, 0], window.position[:, 1], window.heading))
     px, py = ways.position[..., 0], ways.position[..., 1]
     miss = (px[..., None] - x[None, None, :]) ** 2 + (py[..., None] - y[None, None, :]) ** 2
-    index = jnp.argmin(miss, axis=-1)
+    index = lean.argmin(miss)
     table = jnp.stack([x, y, jnp.cos(heading), jnp.sin(heading), lean.rows(window.station, rows)], axis=-1)
     x, y, cos, sin, station = jnp.unstack(lean.rows(table, index), axis=-1)
     dx, dy = px - x, py - y
