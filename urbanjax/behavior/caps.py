@@ -29,7 +29,7 @@ class CapParams:
     lateral_acceleration: float = 2.5  # m/s^2
     curve_deceleration: float = field(default=1.5, metadata=POSITIVE)  # m/s^2, towards slower stretches ahead
     stop_deceleration: float = field(default=2.0, metadata=POSITIVE)  # m/s^2, towards a stop line
-    stop_hardest: float = field(default=4.0, metadata=POSITIVE)  # m/s^2, with which one still can where others allow
+    stop_hardest: float = field(default=4.0, metadata=POSITIVE)  # m/s^2, with which one who rolls on could still stop
     off_road: float = field(default=0.3, metadata=POSITIVE)  # m, by which the body may be off the road
     lag: float = 0.6  # s, in which control follows the speed asked for
     stop_margin: float = 1.5  # m, before the stop line
@@ -55,7 +55,7 @@ def open_road(path: Path, driving: Driving, *, road: Sample, reach: float | Arra
     right, left = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (right, left))
     wide = driving.vehicle.width / 2
     off = lean.maximum(lean.maximum(right - path.offset, path.offset - left) + wide, 0.0)
-    more = off - lean.maximum(off[0], 0.0) - driving.params.off_road
+    more = off - off[0] - driving.params.off_road
     closed = soft.above(more, 0.0, driving.relaxation, scale=driving.params.off_road)
     station = path.station
     return interpolate(station + reach, station[0], station[1] - station[0], jnp.cumprod(1 - closed))

@@ -22,7 +22,7 @@ from urbanjax.roadmap.corridor import Corridor
 from urbanjax.types import POSITIVE, SOFT, field, pytree
 from urbanjax.vehicle.driving import Driving
 from urbanjax.vehicle.following import constant_headway_speed
-from urbanjax.vehicle.limits import stop_speed
+from urbanjax.vehicle.limits import SHORTEST, stop_speed
 
 
 @pytree
@@ -109,7 +109,7 @@ def give_way(
     to_zone = met.enters - params.margin / 2 - body.front
     # One who merges has to be followed, not to be stopped for.
     closing = lean.maximum(body.speed - met.merges * ways.speed, 0.0)
-    needed = closing**2 / (2 * lean.maximum(to_zone, 0.1))
+    needed = closing**2 / (2 * lean.maximum(to_zone, SHORTEST))
     can = clearly(params.hard_braking - needed, params.braking_scale)
     can = soft.either(can, ways.on_foot) * clearly(to_zone + params.margin / 2, params.length_scale)
     degree = met.meets * soft.negate(first) * soft.negate(after) * clearly(ahead_of, params.time_scale) * can

@@ -1,11 +1,11 @@
 """The reference speed: geometry-aware velocity planning applied to the chosen path, under all its caps."""
 
-import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float
 
 from urbanjax.behavior import caps, gvp, right_of_way
 from urbanjax.behavior.gvp import LaneSpeeds
+from urbanjax.behavior.lanes import route_lane
 from urbanjax.behavior.surroundings import in_lane, in_path, moving
 from urbanjax.behavior.tsps import Choice
 from urbanjax.numerics import lean, safe, soft
@@ -65,8 +65,7 @@ def plan(choice: Choice, driving: Driving) -> SpeedPlan:
     )
     clamp = gvp.clamp(around, driving, in_path=hinders, front=body.front)
     # Where the ego's lane ends it falls in behind those who are ahead by half a length in the route's.
-    route = jnp.zeros_like(choice.ego_lane).at[choice.ego_lane.shape[0] // 2].set(1)
-    zipper = behind(route, around.station - body.centre)
+    zipper = behind(route_lane(choice.ego_lane), around.station - body.centre)
     merging = cap - choice.merges * lean.maximum(cap - zipper, 0.0)
     passing = gvp.passing_speed(around, driving, offset=on_path, moves=moves, body=body, cap=cap)
     reference = lean.minimum(lanes.reference, lean.minimum(merging, passing))

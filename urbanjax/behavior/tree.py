@@ -40,9 +40,8 @@ class TSPSParams:
     margin: float = 0.35  # m, clearance that a feasible path keeps
     margin_scale: float = 0.5  # m
     patience: float = 0.3  # s, time constant of the filter on "the route is blocked" (hysteresis)
-    confidence: float = field(
-        default=0.5, metadata=POSITIVE
-    )  # s, for which the micro path is feasible before it is begun
+    # s, for which the micro path is feasible before it is begun
+    confidence: float = field(default=0.5, metadata=POSITIVE)
     standing_speed: float = 0.3  # m/s, below which the vehicle stands
     stuck_time: float = 3.0  # s, after which a standing vehicle is stuck
     signal_distance: float = 30.0  # m, to the stop line, within which the turn beyond it counts
@@ -113,8 +112,7 @@ def remember(
     """The counters one step on: the time stuck rises while standing, stays while one has to wait, is cleared by moving.
 
     Args: state; driving, with TSPSParams; speed [] m/s; held [], degree to which a signal or somebody else has to be
-    waited for; route_free, micro [], degrees to which those paths
-    are feasible.
+    waited for; route_free, micro [], degrees to which those paths are feasible.
     """
     params, period = driving.params, driving.period
     moving = soft.above(speed, params.standing_speed, driving.relaxation, scale=params.standing_speed)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from urbanjax.behavior import caps, right_of_way
 from urbanjax.behavior.candidates import connect, room_along
-from urbanjax.behavior.lanes import nearest_lane, terminal
+from urbanjax.behavior.lanes import nearest_lane, route_lane, terminal
 from urbanjax.behavior.right_of_way import GiveWay
 from urbanjax.behavior.situation import (
     Body,
@@ -21,6 +21,7 @@ from urbanjax.behavior.situation import (
 )
 from urbanjax.behavior.surroundings import Surroundings, in_lane, moving, relate
 from urbanjax.behavior.tree import ROUTE, Conditions, Selection, TSPSState, decide, remember, standing
+from urbanjax.behavior.tree import init as nothing
 from urbanjax.numerics import safe, soft
 from urbanjax.planning.plan import Plan
 from urbanjax.planning.situation import Situation
@@ -98,9 +99,7 @@ class Choice:
 
 def init(start: Progress, corridor: Corridor) -> SelectState:
     """Nothing remembered; the ego lane is the route's. Args: start, of the ego; corridor, along the route."""
-    weights = jnp.zeros_like(corridor.lane_offset[0]).at[corridor.route_lane].set(1)
-    zero = jnp.zeros_like(start.offset)
-    return SelectState(tree=TSPSState(stuck=zero, blocked=zero, doubt=zero), ego_lane=weights)
+    return SelectState(tree=nothing(start.offset.dtype), ego_lane=route_lane(corridor.lane_offset[0]))
 
 
 def select(situation: Situation, driving: Driving, *, plan: Plan, state: SelectState) -> tuple[SelectState, Choice]:
@@ -211,7 +210,7 @@ def find_lanes(view: View, driving: Driving, *, micro: Path, previous: Float[Arr
     there = view.here.replace(lane_offset=end @ road.lane_offset, has_lane=end @ road.has_lane.astype(end.dtype))
     nowhere = jnp.zeros_like(previous)
     return LaneWeights(
-        route=nowhere.at[previous.shape[0] // 2].set(1),
+        route=route_lane(previous),
         ego=ego,
         micro=nearest_lane(there, telling, offset=end @ micro.offset, previous=nowhere),
     )

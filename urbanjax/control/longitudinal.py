@@ -41,9 +41,9 @@ def accelerate(
     """Acceleration in m/s^2: (reference - speed) / time constant, clipped; full braking as `emergency` goes to 1.
 
     Outside emergencies it changes by no more than `easy_jerk` allows, and up to `max_jerk` where more than comfortable
-    deceleration is asked for; beyond 0 it rises by `onset_jerk`. Args: speed []
-    m/s; driving, with LongitudinalParams; previous [] m/s^2, the present acceleration; reference [] m/s; emergency [],
-    a share.
+    deceleration is asked for or it brakes far harder than that; beyond 0 it rises by `onset_jerk`. Args: speed [] m/s;
+    driving, with LongitudinalParams; previous [] m/s^2, the present acceleration; reference [] m/s; emergency [], a
+    share.
     """
     params, vehicle = driving.params, driving.vehicle
     upper = jnp.minimum(params.comfort_acceleration, vehicle.max_acceleration)
